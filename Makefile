@@ -1,0 +1,40 @@
+# Everything goes through `make`: `make setup` once, and the rest from any state of the checkout.
+
+SHELL := /bin/bash
+# The Python to make .venv with; once that is there, the one that it was made with.
+PYTHON ?= $(or $(realpath .venv/bin/python),python3)
+BIN := .venv/bin
+SOURCE_WORKSPACE := source ros2_ws/install/setup.bash
+
+.DEFAULT_GOAL := help
+
+.PHONY: help
+help: ## Show this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+.PHONY: setup
+setup: ## Install what is needed into .venv and build the workspace; does nothing where that is done
+	@$(PYTHON) tools/setup.py
+
+.PHONY: demo
+demo: setup ## Start a team of robots and watch it
+	@$(BIN)/magat run --demo
+
+.PHONY: test
+test: setup ## Run the tests (ARGS="-k shield" passes options on to pytest)
+	@$(SOURCE_WORKSPACE) && $(BIN)/python -m pytest $(ARGS)
+
+.PHONY: lint
+lint: setup ## Check style, format and types
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/mypy
+
+.PHONY: format
+format: setup ## Put the Python code into the common format
+	@$(BIN)/ruff check --fix-only .
+	@$(BIN)/ruff format .
+
+.PHONY: clean
+clean: ## Remove what the build and the tools leave behind, but not .venv
+	rm -rf ros2_ws/build ros2_ws/install ros2_ws/log .mypy_cache .pytest_cache .ruff_cache .hypothesis

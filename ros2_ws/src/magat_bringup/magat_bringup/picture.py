@@ -1,0 +1,352 @@
+"""One recorded episode to look at: `save_picture` draws all of it at once, `save_animation` plays it.
+
+Cells are ``(x, y)``, x to the right, y up, in both. Every colour is a tint of one of a few inks on white paper, which is
+also what lets the animation do with one palette.
+"""
+
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import numpy.typing as npt
+from matplotlib import patches
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.path import Path as Outline
+from matplotlib.ticker import MaxNLocator
+from PIL import Image, ImageColor, ImageDraw, ImageFont
+
+from magat_sim.grid import BoolArray, IntArray, inside
+from magat_sim.radio import COMMUNICATION_RADIUS, neighbours
+
+FloatArray = npt.NDArray[np.float64]
+
+_INK = "#2b3440"
+_ALARM = "#e03131"
+_ROBOTS = (
+    "#2f6fde", "#ee7b10", "#1f9d57", "#cf2f74", "#7d4fd8", "#0d98ae",
+    "#96602f", "#818f0e", "#e265b4", "#22408c", "#12664a", "#b5452b",
+)  # fmt: skip
+
+
+def _tint(ink: str, strength: float) -> str:
+    """``ink`` thinned on white paper, from 0 (white) to 1 (the ink itself)."""
+    red, green, blue = (round(255 + (value - 255) * strength) for value in ImageColor.getrgb(ink)[:3])
+    return f"#{red:02x}{green:02x}{blue:02x}"
+
+
+def _colour(robot: int) -> str:
+    return _ROBOTS[robot % len(_ROBOTS)]
+
+
+@dataclass(frozen=True)
+class EpisodeRecord:
+    """What happened in one episode of N robots and T steps, T possibly 0.
+
+    Raises:
+        ValueError: shapes that do not belong together, or a cell outside the map.
+    """
+
+    #: ``[H, W]`` bool, indexed ``[y, x]``; True is an obstacle.
+    obstacles: BoolArray
+    #: ``[N, 2]`` int64 cells ``(x, y)``.
+    goals: IntArray
+    #: ``[T + 1, N, 2]`` int64 cells ``(x, y)``, at the start and after each step.
+    positions: IntArray
+    #: ``[T, N]`` bool, moves that the shield turned into idle.
+    blocked: BoolArray
+    #: A line over the drawing.
+    title: str
+
+    def __post_init__(self) -> None:
+        """Check that the arrays are of one episode."""
+        if self.obstacles.ndim != 2 or self.obstacles.size == 0:
+            raise ValueError(f"obstacles have shape {self.obstacles.shape}: give a non-empty [height, width] array")
+        if self.goals.ndim != 2 or self.goals.shape[1] != 2 or len(self.goals) == 0:
+            raise ValueError(f"goals have shape {self.goals.shape}: give [N, 2] cells (x, y), N at least 1")
+        shape = self.positions.shape
+        if len(shape) != 3 or shape[0] == 0 or shape[1:] != self.goals.shape:
+            raise ValueError(f"positions have shape {shape}: with {self.robots} goals, give [T + 1, {self.robots}, 2]")
+        if self.blocked.shape != (self.steps, self.robots):
+            raise ValueError(
+                f"blocked has shape {self.blocked.shape}: positions of {self.robots} robots at {shape[0]} instants "
+                f"need ({self.steps}, {self.robots})"
+            )
+        for what, cells in (("goals", self.goals), ("positions", self.positions)):
+            if not inside(self.obstacles.shape, cells).all():
+                height, width = self.obstacles.shape
+                raise ValueError(f"{what} leave the {width}x{height} map")
+
+    @property
+    def robots(self) -> int:
+        """Number of robots, N."""
+        return len(self.goals)
+
+    @property
+    def steps(self) -> int:
+        """Number of steps, T."""
+        return len(self.positions) - 1
+
+    @cached_property
+    def on_goal(self) -> BoolArray:
+        """``[T + 1, N]`` who is on its goal at each instant."""
+        return (self.positions == self.goals).all(axis=2)
+
+    @cached_property
+    def links(self) -> list[IntArray]:
+        """``[T + 1]`` arrays ``[L, 2]``: the pairs of robots, the lower number first, that hear each other."""
+        together = np.zeros(self.robots, dtype=np.int64)
+        found = []
+        for position in self.positions:
+            heard = neighbours(together, position, COMMUNICATION_RADIUS)
+            robot, column = np.nonzero(heard > np.arange(self.robots)[:, None])
+            found.append(np.stack([robot, heard[robot, column]], axis=1))
+        return found
+
+    @property
+    def outcome(self) -> str:
+        """The episode in half a sentence."""
+        arrived = f"{self.on_goal[-1].sum()} of {self.robots} robots at goal"
+        return f"{arrived} after {self.steps} steps, {self.blocked.sum()} moves blocked"
+
+
+# --- The picture. Lengths are inches of paper, points (1/72 inch) for lines and letters, cells on the map. ---
+
+
+def save_picture(record: EpisodeRecord, path: Path, links_at: int | None = None) -> None:
+    """Draw the whole episode: the paths from start to goal, the links of one instant, and how it went over time.
+
+    Args:
+        record: the episode.
+        path: PNG file to write.
+        links_at: instant, 0 to T, at which the communication links are drawn; the one with most links if None.
+
+    Raises:
+        ValueError: the episode has no instant ``links_at``.
+    """
+    instant = int(np.argmax([len(pairs) for pairs in record.links])) if links_at is None else links_at
+    if not 0 <= instant <= record.steps:
+        raise ValueError(f"links_at is {links_at}: the episode has the instants 0 to {record.steps}")
+    height, width = record.obstacles.shape
+    cell = min(0.55, (8.0 if max(width, height) <= 40 else 10.0) / max(width, height))
+    inner = max(width * cell, 6.5)
+    left, right, bottom, strip, gap, header = 0.55, 0.3, 0.5, 0.5, 0.35, 0.8
+    base = bottom + 2 * strip + gap + 1.0
+    sheet = (left + inner + right, base + height * cell + header)
+    figure = Figure(figsize=sheet, facecolor="white")
+
+    def place(x: float, y: float, across: float, up: float) -> Axes:
+        return figure.add_axes((x / sheet[0], y / sheet[1], across / sheet[0], up / sheet[1]))
+
+    board = place(left + (inner - width * cell) / 2, base, width * cell, height * cell)
+    _draw_map(board, record, cell)
+    _draw_links(board, record, cell, instant)
+    _draw_paths(board, record, cell, instant)
+    _draw_marks(board, record, cell)
+    arrived = place(left, bottom + strip + gap, inner, strip)
+    blocked = place(left, bottom, inner, strip)
+    _draw_strips(arrived, blocked, record, instant)
+    figure.legend(
+        handles=_legend(record, instant),
+        loc="center left",
+        bbox_to_anchor=((left - 0.08) / sheet[0], (base - 0.42) / sheet[1]),
+        ncols=5,
+        fontsize=8,
+        frameon=False,
+        labelcolor=_tint(_INK, 0.85),
+        columnspacing=1.4,
+        handletextpad=0.5,
+        borderpad=0,
+    )
+    top = base + height * cell
+    figure.text(left / sheet[0], (top + 0.42) / sheet[1], record.title, fontsize=13, weight="bold", color=_INK)
+    figure.text(left / sheet[0], (top + 0.18) / sheet[1], record.outcome, fontsize=9, color=_tint(_INK, 0.75))
+    figure.savefig(path, format="png", dpi=200)
+
+
+def _draw_map(board: Axes, record: EpisodeRecord, cell: float) -> None:
+    height, width = record.obstacles.shape
+    board.set(xlim=(-0.5, width - 0.5), ylim=(-0.5, height - 0.5))
+    every = 1 if max(width, height) <= 10 else 5 if max(width, height) <= 40 else 10
+    board.set_xticks(np.arange(0, width, every))
+    board.set_yticks(np.arange(0, height, every))
+    board.tick_params(length=0, labelsize=7, labelcolor=_tint(_INK, 0.55), pad=3)
+    for spine in board.spines.values():
+        spine.set(color=_tint(_INK, 0.35), linewidth=0.8)
+    rows = [[(-0.5, y), (width - 0.5, y)] for y in np.arange(height - 1) + 0.5]
+    columns = [[(x, -0.5), (x, height - 0.5)] for x in np.arange(width - 1) + 0.5]
+    board.add_collection(LineCollection(rows + columns, colors=_tint(_INK, 0.09), linewidths=min(0.6, 2 * cell), zorder=0))
+    y, x = np.nonzero(record.obstacles)
+    if len(x):
+        block = patches.FancyBboxPatch((-0.44, -0.44), 0.88, 0.88, "round,pad=0,rounding_size=0.16").get_path()
+        blocks = [Outline(block.vertices + corner, block.codes) for corner in np.stack([x, y], axis=1)]
+        board.add_patch(patches.PathPatch(Outline.make_compound_path(*blocks), fc=_INK, lw=0, zorder=1))
+
+
+def _draw_links(board: Axes, record: EpisodeRecord, cell: float, instant: int) -> None:
+    lane = record.positions[instant] + _lanes(record)
+    width = min(0.9, 4 * cell)
+    board.add_collection(
+        LineCollection(lane[record.links[instant]], colors=_INK, alpha=0.28, linewidths=width, zorder=2)
+    )
+
+
+def _draw_paths(board: Axes, record: EpisodeRecord, cell: float, instant: int) -> None:
+    width = min(2.4, 8.5 * cell)
+    lanes = _lanes(record)
+    for robot in range(record.robots):
+        line = _smooth(record.positions[:, robot], lanes[robot])
+        casing = _tint(_INK, 0.0)
+        for colour, extra, order in ((casing, 0.7 * width, 0.0), (_colour(robot), 0.0, 0.001)):
+            board.add_patch(
+                patches.PathPatch(
+                    line, fc="none", ec=colour, lw=width + extra, zorder=3 + robot * 0.002 + order,
+                    capstyle="round", joinstyle="round",
+                )
+            )  # fmt: skip
+    here = record.positions[instant] + lanes
+    board.scatter(
+        here[:, 0],
+        here[:, 1],
+        s=(3.2 * width) ** 2,
+        c=[_colour(robot) for robot in range(record.robots)],
+        edgecolors="white",
+        linewidths=0.4 * width,
+        zorder=5,
+    )
+
+
+def _lanes(record: EpisodeRecord) -> FloatArray:
+    """``[N, 2]`` how far beside the middle of the cells each robot's path runs, so that paths do not hide each other."""
+    beside = 0.5 * ((np.arange(record.robots) + 0.5) / record.robots - 0.5)
+    return np.stack([beside, beside], axis=1)
+
+
+def _smooth(cells: IntArray, lane: FloatArray) -> Outline:
+    """The path ``cells`` (``[T + 1, 2]``), moved by ``lane`` but for its ends, with its corners rounded."""
+    moved = np.ones(len(cells), dtype=bool)
+    moved[1:] = (cells[1:] != cells[:-1]).any(axis=1)
+    corners = np.concatenate([cells[:1], cells[moved] + lane, cells[-1:]])
+    vertices, codes = [corners[0]], [Outline.MOVETO]
+    for before, corner, after in zip(corners[:-2], corners[1:-1], corners[2:], strict=True):
+        turns_back = np.allclose(before, after)
+        vertices += [corner] if turns_back else [corner + 0.35 * (before - corner), corner, corner + 0.35 * (after - corner)]
+        codes += [Outline.LINETO] if turns_back else [Outline.LINETO, Outline.CURVE3, Outline.CURVE3]
+    return Outline([*vertices, corners[-1]], [*codes, Outline.LINETO])
+
+
+def _draw_marks(board: Axes, record: EpisodeRecord, cell: float) -> None:
+    """Starts, goals, and the last positions of those that missed them; where several share a cell, small beside each other."""
+    marks: dict[tuple[int, int], list[tuple[str, int]]] = defaultdict(list)
+    for robot in range(record.robots):
+        marks[tuple(record.positions[0, robot].tolist())].append(("start", robot))
+        marks[tuple(record.goals[robot].tolist())].append(("reached" if record.on_goal[-1, robot] else "missed", robot))
+        if not record.on_goal[-1, robot]:
+            marks[tuple(record.positions[-1, robot].tolist())].append(("last", robot))
+    beside = {1: [(0.0, 0.0)], 2: [(-0.2, 0.2), (0.2, -0.2)], 3: [(-0.22, 0.22), (0.22, -0.22), (-0.22, -0.22)]}
+    for (x, y), group in marks.items():
+        size = {1: 1.0, 2: 0.66, 3: 0.58}[len(group)]
+        for (dx, dy), (kind, robot) in zip(beside[len(group)], group, strict=True):
+            _draw_mark(board, cell, (x + dx, y + dy), size, kind, robot)
+
+
+def _draw_mark(board: Axes, cell: float, centre: tuple[float, float], size: float, kind: str, robot: int) -> None:
+    x, y = centre
+    half = 0.36 * size
+    solid = kind in ("reached", "last")
+    shape = (
+        patches.Circle((x, y), half)
+        if kind in ("start", "last")
+        else patches.FancyBboxPatch((x - half, y - half), 2 * half, 2 * half, f"round,pad=0,rounding_size={0.1 * size}")
+    )
+    shape.set(fc=_colour(robot) if solid else "white", ec="white" if solid else _colour(robot), zorder=6)
+    shape.set_linewidth(min(1.6, 6 * cell) * (0.6 if solid else 1.0))
+    board.add_patch(shape)
+    letters = 26 * cell * size
+    if cell >= 0.2:
+        colour = "white" if solid else _colour(robot)
+        board.text(x, y, str(robot), size=letters, color=colour, weight="bold", ha="center", va="center_baseline", zorder=7)
+
+
+def _draw_strips(arrived: Axes, blocked: Axes, record: EpisodeRecord, instant: int) -> None:
+    count, stopped = record.on_goal.sum(axis=1), record.blocked.sum(axis=1)
+    arrived.stairs(count, np.arange(record.steps + 2) - 0.5, fill=True, color=_tint(_ROBOTS[2], 0.3))
+    arrived.stairs(count, np.arange(record.steps + 2) - 0.5, color=_ROBOTS[2], linewidth=1.2, baseline=None)
+    blocked.stairs(stopped, np.arange(record.steps + 1), fill=True, color=_tint(_ALARM, 0.75))
+    most = int(stopped.max(initial=0))
+    for axes, title, top in ((arrived, "Robots at goal", record.robots), (blocked, "Blocked moves", max(most, 1))):
+        axes.set_title(title, loc="left", fontsize=8, color=_tint(_INK, 0.85), pad=4)
+        axes.set(xlim=(-0.5, record.steps + 0.5), ylim=(0, 1.08 * top), yticks=[0, top])
+        axes.axvline(instant, color=_tint(_INK, 0.6), linewidth=0.8, linestyle=(0, (3, 2)))
+        axes.tick_params(length=2, labelsize=7, color=_tint(_INK, 0.35), labelcolor=_tint(_INK, 0.7), pad=2)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.spines[["left", "bottom"]].set(color=_tint(_INK, 0.35), linewidth=0.8)
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=12))
+    arrived.tick_params(labelbottom=False)
+    blocked.set_xlabel("step", fontsize=8, color=_tint(_INK, 0.7), labelpad=1)
+
+
+def _legend(record: EpisodeRecord, instant: int) -> list[Line2D]:
+    def mark(shape: str, solid: bool, label: str) -> Line2D:
+        ink = _tint(_INK, 0.75)
+        return Line2D(
+            [], [], linestyle="none", marker=shape, ms=7, mec=ink, mfc=ink if solid else "white", mew=1.3, label=label
+        )
+
+    entries = [mark("o", False, "start"), mark("s", True, "goal, reached")]
+    if not record.on_goal[-1].all():
+        entries += [mark("s", False, "goal, missed"), mark("o", True, "last position")]
+    pairs = len(record.links[instant])
+    label = f"link within {COMMUNICATION_RADIUS:g} cells at step {instant} ({pairs})"
+    return [*entries, Line2D([], [], color=_INK, alpha=0.4, lw=1, marker="o", ms=4, mew=0, label=label)]
+
+
+# --- The animation. Lengths are pixels of the drawing, which is made at twice the size and then shrunk. ---
+
+_FINER = 2
+_FRAMES_PER_STEP = 4
+_MOST_FRAMES = 280
+_FRAME_MS, _FIRST_MS, _LAST_MS = 40, 400, 2000
+#: Steps that a trail reaches back, and that the ring of a blocked move lasts.
+_TRAIL, _RING = 6, 2
+#: The last entry of the palette is no colour: it stands for "as in the frame before".
+_UNCHANGED = 255
+
+
+def save_animation(record: EpisodeRecord, path: Path, on_frame: Callable[[int, int], None] | None = None) -> None:
+    """Play the episode: four frames a step, fewer where that would make more than about 300 frames.
+
+    Args:
+        record: the episode.
+        path: GIF file to write; it loops.
+        on_frame: called with the number of frames drawn so far and of all frames.
+    """
+    count = min(_FRAMES_PER_STEP * record.steps, _MOST_FRAMES) + 1
+    stage = _Stage(record)
+
+    def frames() -> Iterator[Image.Image]:
+        for number, time in enumerate(np.linspace(0, record.steps, count).tolist(), start=1):
+            yield stage.frame(time)
+            if on_frame is not None:
+                on_frame(number, count)
+
+    sequence = frames()
+    durations = [_FRAME_MS] * count
+    durations[0] = _FIRST_MS
+    durations[-1] = _LAST_MS
+    next(sequence).save(
+        path,
+        format="GIF",
+        save_all=True,
+        append_images=sequence,
+        duration=durations,
+        loop=0,
+        optimize=True,
+        transparency=_UNCHANGED,
+    )

@@ -1,0 +1,20 @@
+"""The expert that the policy learns from: ECBS behind a small Python API. Importing it needs no ROS.
+
+Cells are `(x, y)`, x to the right, y up; maps are indexed `[y, x]`.
+"""
+
+from magat_expert.batch import Case, solve_many
+from magat_expert.instance import InvalidInstanceError
+from magat_expert.solver import Solution, SolveStatus, StopFlag, solve
+from magat_expert.validity import check_paths
+
+__all__ = [
+    "Case",
+    "InvalidInstanceError",
+    "Solution",
+    "SolveStatus",
+    "StopFlag",
+    "check_paths",
+    "solve",
+    "solve_many",
+]

@@ -1,0 +1,19 @@
+import numpy as np
+
+class StopFlag:
+    """Ends, from any thread, the searches that hold it."""
+
+    def __init__(self) -> None: ...
+    def set(self) -> None: ...
+    def is_set(self) -> bool: ...
+
+def solve(
+    obstacles: np.ndarray,
+    starts: np.ndarray,
+    goals: np.ndarray,
+    w: float,
+    time_limit: float,
+    node_limit: int,
+    stop: StopFlag | None,
+) -> tuple[int, np.ndarray | None, int, int, float, int, int]: ...
+def components(obstacles: np.ndarray) -> np.ndarray: ...

@@ -1,0 +1,83 @@
+"""Many instances at once, on several cores."""
+
+from collections import deque
+from collections.abc import Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from magat_expert.instance import InvalidInstanceError, validate_limits
+from magat_expert.solver import Solution, StopFlag, solve
+
+
+@dataclass(frozen=True)
+class Case:
+    """One instance, as `solve` takes it.
+
+    Attributes:
+        obstacles: bool `[H, W]`, indexed `[y, x]`.
+        starts: int `[N, 2]`, cells `(x, y)`.
+        goals: int `[N, 2]`, cells `(x, y)`.
+    """
+
+    obstacles: np.ndarray
+    starts: np.ndarray
+    goals: np.ndarray
+
+
+def solve_many(
+    cases: Iterable[Case],
+    workers: int = 1,
+    w: float = 1.1,
+    time_limit: float = 10.0,
+    node_limit: int | None = None,
+) -> Iterator[Solution]:
+    """Solves cases in threads and yields their solutions in the order of the cases.
+
+    The number of workers changes nothing in a solution but its `seconds`, as long as no search meets its time
+    limit; `node_limit` ends searches at the same point on every machine. Cases are drawn from the iterable as
+    they are needed, so it may be a generator and longer than memory. Leaving the loop early ends the searches
+    under way.
+
+    Args:
+        cases: the instances.
+        workers: threads, at least 1. The search runs without Python's lock: one per core is right.
+        w: as in `solve`.
+        time_limit: as in `solve`, seconds for each case.
+        node_limit: as in `solve`, for each case.
+
+    Raises:
+        InvalidInstanceError: a case is invalid (the message begins with its number), or a parameter is.
+        ValueError: workers is below 1.
+    """
+    if workers < 1:
+        raise ValueError(f"workers is {workers}: give at least 1")
+    validate_limits(w, time_limit, node_limit)
+    return _solutions(cases, workers, w, time_limit, node_limit)
+
+
+def _solutions(
+    cases: Iterable[Case], workers: int, w: float, time_limit: float, node_limit: int | None
+) -> Iterator[Solution]:
+    stop = StopFlag()
+
+    def solve_one(number: int, case: Case) -> Solution:
+        try:
+            return solve(case.obstacles, case.starts, case.goals, w, time_limit, node_limit, stop)
+        except InvalidInstanceError as error:
+            raise InvalidInstanceError(f"case {number}: {error}") from error
+
+    pending: deque[Future[Solution]] = deque()
+    with ThreadPoolExecutor(workers, thread_name_prefix="expert") as pool:
+        try:
+            for number, case in enumerate(cases):
+                pending.append(pool.submit(solve_one, number, case))
+                # A few cases wait for each worker, so that none idles behind one long case at the head.
+                if len(pending) >= 8 * workers:
+                    yield pending.popleft().result()
+            while pending:
+                yield pending.popleft().result()
+        finally:
+            stop.set()
+            pool.shutdown(cancel_futures=True)

@@ -1,0 +1,93 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "grid.hpp"
+#include "path_table.hpp"
+#include "types.hpp"
+
+namespace magat_expert {
+
+/// The low level of ECBS: focal A* for one robot in space-time (Barer et al. 2014, section "Enhanced CBS").
+///
+/// Among the nodes whose f is at most w times the smallest f in OPEN (and not too far above it), it expands the one with
+/// the fewest conflicts with the paths of the other robots. One object serves all searches of a solve and keeps its memory between them.
+class LowLevel {
+ public:
+  enum class Outcome { kFound, kNoPath, kHalted };
+  struct Result {
+    Outcome outcome = Outcome::kNoPath;
+    Path path;            // in the low level's own memory, until its next search
+    int lower_bound = 0;  // the smallest f in OPEN at the end: no path under these constraints arrives earlier
+  };
+
+  LowLevel(const Grid& grid, Bound bound, Watch& watch);
+
+  /// A path from `start` to `goal` that keeps to `constraints`. `distance` is Grid::distances_to(goal); `others` holds
+  /// the other robots' paths, and not this one's.
+  Result search(int start, int goal, const std::vector<std::int32_t>& distance,
+                const std::vector<Constraint>& constraints, const PathTable& others);
+
+  std::int64_t expansions() const { return expansions_; }
+
+ private:
+  // `kArrived` stands on its goal for good; any other node on the goal goes on from there.
+  enum class State : std::uint8_t { kOpen, kArrived, kClosed };
+  struct Node {
+    std::int32_t cell;
+    std::int32_t time;
+    std::int32_t f;
+    std::int32_t parent;
+    std::int32_t conflicts;
+    State state;
+  };
+  struct FocalEntry {
+    std::uint64_t key;
+    std::int32_t node;
+    // std::push_heap keeps the largest on top. Ties go to the older node, so that a solve is repeatable.
+    bool operator<(const FocalEntry& other) const {
+      return key != other.key ? key > other.key : node > other.node;
+    }
+  };
+
+  void prepare(int goal, const std::vector<Constraint>& constraints, const PathTable& others, int start_distance);
+  std::int64_t focal_limit(int lower_bound) const;
+  bool allowed(int from, int to, int time) const;
+  void generate(int cell, int time, int parent, int conflicts);
+  void push_node(const Node& node);
+  void enqueue(int index);
+  void push_focal(int index);
+  void raise_lower_bound();
+  void expand(int index, const PathTable& others);
+  Path path_to(int index);
+  static std::uint64_t focal_key(const Node& node);
+
+  const Grid& grid_;
+  Bound bound_;
+  Watch& watch_;
+  std::int64_t expansions_ = 0;
+
+  // Of the search under way.
+  int goal_ = -1;
+  const std::vector<std::int32_t>* distance_ = nullptr;
+  int earliest_arrival_ = 0;  // one step after the last constraint that keeps the robot off its goal
+  int horizon_ = 0;
+  int lower_bound_ = 0;
+  std::int64_t focal_limit_ = 0;
+  std::int64_t open_nodes_ = 0;
+  std::vector<Node> nodes_;
+  std::vector<std::int32_t> path_;
+  std::vector<FocalEntry> focal_;
+  std::vector<std::int32_t> open_by_f_;             // [f]: how many nodes of OPEN have it
+  std::vector<std::vector<std::int32_t>> waiting_;  // [f]: nodes that are not in the focal list yet
+  std::vector<int> visits_from_;                    // [time]: visits of the goal by others at this time or later
+  std::vector<Constraint> constraints_;             // sorted by time
+  std::vector<std::int32_t> constraints_begin_;     // [time]: the first one at this time or later
+
+  // [time][cell]: the node made for it. Never cleared: an entry counts only if that node is of this search and says
+  // so itself.
+  std::vector<std::vector<std::int32_t>> node_at_;
+};
+
+}  // namespace magat_expert

@@ -1,0 +1,217 @@
+"""The robot node: translates between ROS messages and the robot's own policy and exchange."""
+
+import array
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import rclpy
+import torch
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.exceptions import ParameterUninitializedException
+from rclpy.executors import ExternalShutdownException
+from rclpy.experimental import EventsExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.serialization import serialize_message
+
+from magat_interfaces.msg import Feature, Observation, Preference, RobotStatus
+from magat_robot import qos
+from magat_robot.exchange import Exchange
+from magat_robot.policy.config import ModelError
+from magat_robot.policy.network import OBSERVATION_SHAPE
+from magat_robot.policy.policy import Encoding, Policy
+from magat_robot.policy.store import load
+
+RCLError = rclpy_implementation.RCLError
+
+#: Seconds between hellos while waiting, and how long a hello heard counts.
+HELLO_PERIOD = 0.2
+HELLO_VALID = 2.0
+#: Without an observation for so long the robot waits again, seconds.
+SILENCE = 1.0
+#: While it runs, the status is sent every this many periods.
+STATUS_EVERY = 10
+
+
+class RobotNode(Node):
+    """One robot: observation in, feature out, features in, preference out; its namespace is its name."""
+
+    def __init__(self, **options: object) -> None:
+        """Load the policy that the parameter ``policy`` names and join the team.
+
+        Raises:
+            ModelError: the policy cannot be used, or no policy is given.
+        """
+        super().__init__("robot", **options)
+        self.name = self.get_namespace().strip("/").rsplit("/", 1)[-1]
+        deadline, team_size = self._declare()
+        self._policy = load(Path(self._policy_folder()))
+        self._exchange = Exchange(self._policy.config.features)
+        self._rng = np.random.default_rng()
+        self._nonce = int(self._rng.integers(1, 2**64, dtype=np.uint64))
+        self._peers: dict[int, float] = {}
+        self._observation: Observation | None = None
+        self._encoding: Encoding | None = None
+        self._last_observed = -SILENCE
+        self._compute = 0.0
+        self._ticks = self._missing = self._beats = 0
+        sample = Feature(payload=array.array("B", bytes(4 * self._policy.config.features)))
+        self._feature_bytes = len(serialize_message(sample))
+
+        # Shared topics live in the namespace above the robot's own, so that a whole team can be put in a namespace.
+        team = self.get_namespace().rstrip("/").rsplit("/", 1)[0]
+        depth = 2 * team_size
+        self._send_feature = self.create_publisher(Feature, f"{team}/feature", qos.newest(depth))
+        self._send_preference = self.create_publisher(Preference, f"{team}/preference", qos.newest(depth))
+        self._send_status = self.create_publisher(RobotStatus, f"{team}/robot_status", qos.reliable(depth))
+        # One-argument callbacks: what the middleware knows of a message's origin is never asked for.
+        self.create_subscription(Feature, f"{team}/feature", self._on_feature, qos.newest(depth))
+        self.create_subscription(Observation, "observation", self._on_observation, qos.newest(4))
+        self._deadline = self.create_timer(deadline, self._on_deadline)
+        self._deadline.cancel()
+        self.create_timer(HELLO_PERIOD, self._on_beat)
+
+    def _declare(self) -> tuple[float, int]:
+        self.declare_parameter(
+            "policy", Parameter.Type.STRING, ParameterDescriptor(description="folder of the policy to carry", read_only=True)
+        )
+        deadline = self.declare_parameter(
+            "feature_deadline",
+            0.25,
+            ParameterDescriptor(
+                description="seconds to wait for neighbours' features in a tick before deciding without the missing ones",
+                floating_point_range=[FloatingPointRange(from_value=0.001, to_value=60.0)],
+                read_only=True,
+            ),
+        )
+        team_size = self.declare_parameter(
+            "team_size",
+            32,
+            ParameterDescriptor(
+                description="robots in the team, at most; sizes the queues of shared topics",
+                integer_range=[IntegerRange(from_value=1, to_value=10_000)],
+                read_only=True,
+            ),
+        )
+        return deadline.value, team_size.value
+
+    def _policy_folder(self) -> str:
+        try:
+            return self.get_parameter("policy").value
+        except ParameterUninitializedException as error:
+            raise ModelError("no policy given: start the robot with -p policy:=FOLDER") from error
+
+    # --- A tick: look, send, hear, decide ---
+
+    def _on_observation(self, message: Observation) -> None:
+        if message.tick == Observation.HELLO:
+            self._send_preference.publish(Preference(tick=Observation.HELLO, tag=message.own_tag))
+            return
+        if len(message.field_of_view) != int(np.prod(OBSERVATION_SHAPE)):
+            self._exchange.drop(f"an observation of {len(message.field_of_view)} numbers, not {OBSERVATION_SHAPE}")
+            return
+        last = self._observation
+        if last is not None and last.episode == message.episode and message.tick <= last.tick:
+            self._exchange.drop(f"a repeated or late observation, of tick {message.tick} after {last.tick}")
+            return
+        self._last_observed = started = time.monotonic()
+        self._observation = message
+        view = np.frombuffer(message.field_of_view, dtype=np.uint8).reshape(1, *OBSERVATION_SHAPE)
+        self._encoding = self._policy.encode(view)
+        feature = Feature(episode=message.episode, tick=message.tick, tag=message.own_tag)
+        feature.payload = array.array("B", self._encoding.messages.astype("<f4").tobytes())
+        self._compute = time.monotonic() - started
+        self._send_feature.publish(feature)
+        self._exchange.begin(message.episode, message.tick, list(message.audible_tags))
+        if self._exchange.complete:
+            self._decide()
+        else:
+            self._deadline.reset()
+
+    def _on_feature(self, message: Feature) -> None:
+        if message.tick == Observation.HELLO:
+            if message.tag != self._nonce:
+                self._peers[message.tag] = time.monotonic()
+            return
+        if message.round != 0 or message.encoding != Feature.FLOAT32:
+            self._exchange.drop(f"round {message.round}, encoding {message.encoding}: this policy has round 0, encoding 0")
+            return
+        mine = self._exchange.receive(message.episode, message.tick, message.tag, message.payload.tobytes())
+        if mine and self._encoding is not None and self._exchange.complete:
+            self._decide()
+
+    def _on_deadline(self) -> None:
+        self._deadline.cancel()
+        if self._encoding is not None:
+            self._decide()
+
+    def _decide(self) -> None:
+        self._deadline.cancel()
+        observation, encoding = self._observation, self._encoding
+        assert observation is not None and encoding is not None
+        self._encoding = None  # this tick is decided
+        started = time.monotonic()
+        messages = self._exchange.messages()
+        present = np.ones((1, len(messages)), dtype=bool)
+        stream = np.array([observation.stream], dtype=np.uint64)
+        decision = self._policy.decide(encoding, messages[None], present, stream, observation.tick)
+        answer = Preference(episode=observation.episode, tick=observation.tick, tag=observation.own_tag)
+        answer.log_probabilities = decision.log_probabilities[0]
+        answer.primitive = int(decision.primitives[0])
+        answer.heard = len(messages)
+        answer.feature_bytes = self._feature_bytes
+        answer.compute_us = round(1e6 * (self._compute + time.monotonic() - started))
+        self._send_preference.publish(answer)
+        self._ticks += 1
+        self._missing += self._exchange.missing
+
+    # --- Between episodes: who is there ---
+
+    def _on_beat(self) -> None:
+        now = time.monotonic()
+        waiting = now - self._last_observed > SILENCE
+        if waiting:
+            self._send_feature.publish(Feature(tick=Observation.HELLO, tag=self._nonce))
+        self._peers = {nonce: heard for nonce, heard in self._peers.items() if now - heard < HELLO_VALID}
+        self._beats += 1
+        if waiting or self._beats % STATUS_EVERY == 0:
+            self._send_status.publish(
+                RobotStatus(
+                    robot=self.name,
+                    state=RobotStatus.WAITING if waiting else RobotStatus.RUNNING,
+                    policy=self._policy.config.name,
+                    digest=self._policy.digest,
+                    peers_heard=len(self._peers),
+                    ticks=self._ticks,
+                    features_missing=self._missing,
+                    messages_dropped=self._exchange.dropped,
+                    last_drop=self._exchange.last_drop,
+                )
+            )
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run one robot until it is told to end. Returns the exit status."""
+    # A robot computes one observation at a time: threads would only wait for each other.
+    torch.set_num_threads(1)
+    # SIGINT and SIGTERM shut the context down, which ends the loop or surfaces as one of these, in mid-call.
+    with suppress(KeyboardInterrupt, ExternalShutdownException, RCLError):
+        rclpy.init(args=args)
+        try:
+            node = RobotNode()
+        except ModelError as error:
+            rclpy.logging.get_logger("robot").fatal(str(error))
+            return 1
+        executor = EventsExecutor()
+        executor.add_node(node)
+        while rclpy.ok():
+            executor.spin_once(timeout_sec=1.0)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

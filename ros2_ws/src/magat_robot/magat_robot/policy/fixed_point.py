@@ -1,0 +1,100 @@
+"""Arithmetic that comes out the same however it is grouped.
+
+A robot computes alone, a simulator computes thousands of robots at once, and floating-point sums depend on the grouping:
+now and then such a difference would flip a decision, and from there on two runs of one episode would go separate ways.
+A deployed policy therefore computes on grids: weights and activations are multiples of powers of two, chosen so that
+every sum of products is exact (below 2**24 units in float32, 2**53 in float64). Exact sums have no order. What is not a sum
+of products is a single rounding of a single number, or a look-up in a table. So the same inputs give the same bits at any
+batch size, in any order of messages, on any number of threads, and a seed decides the rest.
+"""
+
+import functools
+import math
+
+import torch
+from torch import Tensor
+
+#: Activations are multiples of 2**-ACTIVATION_BITS ...
+ACTIVATION_BITS = 6
+#: ... from 0 to ACTIVATION_MAX (rectified). In training they are clamped the same way.
+ACTIVATION_MAX = 8.0
+#: Signed intermediates (attention queries, logits) lie within +-SIGNED_MAX.
+SIGNED_MAX = 64.0
+#: Exponents (attention scores, logits over temperature) are multiples of 2**-EXPONENT_BITS.
+EXPONENT_BITS = 8
+#: exp() is rounded to multiples of 2**-EXP_TABLE_BITS.
+EXP_TABLE_BITS = 24
+#: Weights of layers computed in float64.
+FLOAT64_WEIGHT_BITS = 16
+_FLOAT32_UNITS = 2.0**24
+_MAX_WEIGHT_BITS = 14
+
+
+def snap(x: Tensor, bits: int, low: float, high: float) -> Tensor:
+    """``x`` rounded to multiples of ``2**-bits`` (half to even) and clamped to ``[low, high]``; same shape and dtype."""
+    return (x * 2.0**bits).round_().mul_(2.0**-bits).clamp_(low, high)
+
+
+def rectified(x: Tensor, exact: bool) -> Tensor:
+    """sigma: ReLU, capped at `ACTIVATION_MAX`; on the grid if ``exact``."""
+    if exact:
+        return snap(x, ACTIVATION_BITS, 0.0, ACTIVATION_MAX)
+    return x.clamp(0.0, ACTIVATION_MAX)
+
+
+def weight_bits(weights: list[Tensor], bias: Tensor, input_bits: int, input_max: float) -> Tensor:
+    """How finely the weights that feed each output channel may be stored so that its float32 sum stays exact.
+
+    Args:
+        weights: tensors ``[C, ...]`` whose products are added up in output channel c.
+        bias: ``[C]``.
+        input_bits: the inputs are multiples of ``2**-input_bits`` ...
+        input_max: ... of at most this magnitude.
+
+    Returns:
+        ``[C]`` the largest k, at most 14, for which the sum of magnitudes, in units of ``2**-(k + input_bits)``, stays
+        below 2**24 with a margin for the rounding of the weights themselves.
+    """
+    terms = sum(w[0].numel() for w in weights)
+    magnitude = sum(w.abs().flatten(1).sum(1) for w in weights)
+    # Rounding changes each of the `terms` weights by at most half a unit, and the bias by less than one.
+    room = _FLOAT32_UNITS * 2.0**-input_bits / input_max - 0.5 * terms - 1.0
+    bits = torch.floor(torch.log2(room / (magnitude + bias.abs() / input_max).clamp_min(1e-9)))
+    if (bits < 0).any():
+        raise ValueError(f"weights of magnitude {float(magnitude.max()):.3g} per output are too large for exact sums")
+    return bits.clamp_max(_MAX_WEIGHT_BITS)
+
+
+def snap_rows(tensor: Tensor, bits: Tensor) -> Tensor:
+    """``tensor`` ``[C, ...]``, row c rounded to multiples of ``2**-bits[c]``."""
+    unit = torch.exp2(-bits).view(-1, *[1] * (tensor.dim() - 1))
+    return (tensor / unit).round() * unit
+
+
+def exp_weights(exponents: Tensor, present: Tensor | None = None) -> Tensor:
+    """Unnormalised softmax over the last dimension, as whole numbers.
+
+    Args:
+        exponents: ``[..., M]`` float64, multiples of ``2**-EXPONENT_BITS``.
+        present: ``[..., M]`` bool, which entries take part; all if None.
+
+    Returns:
+        ``[..., M]`` float64 integers, ``round(2**24 * exp(exponent - the largest one))``, 0 where not present.
+    """
+    if exponents.shape[-1] == 0:
+        return exponents.clone()
+    if present is not None:
+        exponents = exponents.masked_fill(~present, -math.inf)
+    below = exponents.amax(dim=-1, keepdim=True) - exponents
+    table = _exp_table()
+    # A row with nobody present is inf - inf = nan: it counts as infinitely far below.
+    steps = (below * 2.0**EXPONENT_BITS).nan_to_num(len(table) - 1.0, posinf=len(table) - 1.0).clamp_max(len(table) - 1.0)
+    return table[steps.long()]
+
+
+@functools.cache
+def _exp_table() -> Tensor:
+    """``[n]`` float64, entry k is ``round(2**24 * exp(-k / 2**8))``; the last one is 0."""
+    size = math.ceil((EXP_TABLE_BITS + 1) * math.log(2) * 2**EXPONENT_BITS) + 1
+    values = [round(2**EXP_TABLE_BITS * math.exp(-k / 2**EXPONENT_BITS)) for k in range(size)]
+    return torch.tensor([*values, 0], dtype=torch.float64)

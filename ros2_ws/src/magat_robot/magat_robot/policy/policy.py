@@ -1,0 +1,112 @@
+"""A policy as robots carry it: observation -> message, messages -> decision."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import torch
+
+from magat_robot.policy import fixed_point as fp
+from magat_robot.policy.config import PolicyConfig
+from magat_robot.policy.network import OBSERVATION_SHAPE, PRIMITIVES, PolicyNetwork, deploy
+from magat_robot.policy.sampling import choose, uniform
+
+#: Robots computed in one go: larger batches fall out of the processor's cache.
+_CHUNK = 256
+
+
+@dataclass(frozen=True)
+class Encoding:
+    """What R robots know after looking, before hearing."""
+
+    #: ``[R, 128]`` float64, the CNN's features; never sent.
+    features: torch.Tensor
+    #: ``[R, F]`` float32, x: what each sends. Its values are exact in float32 and in float16.
+    messages: npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What R robots decide."""
+
+    #: ``[R, 5]`` float64 whole numbers proportional to the probabilities of the primitives.
+    weights: npt.NDArray[np.float64]
+    #: ``[R]`` int64, the primitives drawn.
+    primitives: npt.NDArray[np.int64]
+
+    @property
+    def log_probabilities(self) -> npt.NDArray[np.float32]:
+        """``[R, 5]`` natural logarithms of the probabilities; one that rounds to 0 counts as half a unit."""
+        share = np.maximum(self.weights, 0.5) / self.weights.sum(axis=1, keepdims=True)
+        return np.log(share).astype(np.float32)
+
+
+class Policy:
+    """The deployed form of a trained network; see `magat_robot.policy.store.load` to get one from a folder.
+
+    Its results do not depend on how many robots are computed together or on the order of messages, to the last bit.
+    """
+
+    def __init__(self, network: PolicyNetwork, digest: str = "") -> None:
+        """Deploy a copy of ``network``; ``digest`` names its weights."""
+        self.config: PolicyConfig = network.config
+        self.digest = digest
+        self._network = deploy(network)
+
+    @torch.inference_mode()
+    def encode(self, view: npt.NDArray[np.uint8]) -> Encoding:
+        """Look.
+
+        Args:
+            view: ``[R, 3, 11, 11]`` of 0 and 1.
+
+        Raises:
+            ValueError: another shape.
+        """
+        if view.shape[1:] != OBSERVATION_SHAPE:
+            raise ValueError(f"an observation has shape {OBSERVATION_SHAPE}, not {view.shape[1:]}")
+        inputs = torch.from_numpy(view.astype(np.float32)).contiguous(memory_format=torch.channels_last)
+        parts = [self._network.encode(chunk) for chunk in inputs.split(_CHUNK)]
+        features = torch.cat([part[0] for part in parts])
+        return Encoding(features, torch.cat([part[1] for part in parts]).float().numpy())
+
+    @torch.inference_mode()
+    def weights(
+        self, own: Encoding, messages: npt.NDArray[np.float32], present: npt.NDArray[np.bool_]
+    ) -> npt.NDArray[np.float64]:
+        """Hear, and weigh the primitives.
+
+        Args:
+            own: of the R robots.
+            messages: ``[R, M, F]`` what each heard, in any order; M may be 0.
+            present: ``[R, M]`` which of the M places hold a message.
+
+        Returns:
+            ``[R, 5]`` whole numbers proportional to softmax(logits / T).
+        """
+        x = torch.from_numpy(own.messages).double()
+        heard = torch.from_numpy(np.where(present[:, :, None], messages, np.float32(0))).double()
+        logits = self._network.fuse(own.features, x, heard, torch.from_numpy(present))
+        exponents = fp.snap(logits / self.config.temperature, fp.EXPONENT_BITS, -1e6, 1e6)
+        weights = fp.exp_weights(exponents).numpy()
+        assert weights.shape == (len(own.messages), PRIMITIVES)
+        return weights
+
+    def decide(
+        self,
+        own: Encoding,
+        messages: npt.NDArray[np.float32],
+        present: npt.NDArray[np.bool_],
+        streams: npt.NDArray[np.uint64],
+        tick: int,
+    ) -> Decision:
+        """Hear and decide: as `weights`, then one draw from each robot's stream (``[R]``) for ``tick``."""
+        weights = self.weights(own, messages, present)
+        return Decision(weights, choose(weights, uniform(streams, tick)))
+
+    def decide_together(
+        self, view: npt.NDArray[np.uint8], heard: npt.NDArray[np.int64], streams: npt.NDArray[np.uint64], tick: int
+    ) -> Decision:
+        """R robots at once, the exchange in between: row i hears the rows ``heard[i]`` (``[R, M]``, -1 for none)."""
+        own = self.encode(view)
+        return self.decide(own, own.messages[np.maximum(heard, 0)], heard >= 0, streams, tick)

@@ -1,0 +1,145 @@
+"""Cases: a map with starts and goals, checked, and drawn from a seed and a number."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+
+from magat_sim.grid import BoolArray, IntArray, at, inside
+
+
+class InvalidCaseError(ValueError):
+    """A case that no simulator should accept; the message says which robot, which cell and why."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One multi-robot path planning instance. Build it with `make_case`, which checks it."""
+
+    #: ``[H, W]`` bool, indexed ``[y, x]``; True is an obstacle.
+    obstacles: BoolArray
+    #: ``[N, 2]`` int64 cells ``(x, y)``.
+    starts: IntArray
+    #: ``[N, 2]`` int64 cells ``(x, y)``.
+    goals: IntArray
+
+    @property
+    def robots(self) -> int:
+        """Number of robots, N."""
+        return len(self.starts)
+
+
+def make_case(obstacles: npt.ArrayLike, starts: npt.ArrayLike, goals: npt.ArrayLike) -> Case:
+    """A checked case.
+
+    Args:
+        obstacles: ``[H, W]``, 0/1 or bool, indexed ``[y, x]``.
+        starts: ``[N, 2]`` integers ``(x, y)``.
+        goals: ``[N, 2]`` integers ``(x, y)``.
+
+    Raises:
+        InvalidCaseError: wrong shapes or values, a cell outside the map or on an obstacle, a start or goal that two
+            robots share, or a goal that cannot be reached from its start.
+    """
+    grid = np.asarray(obstacles)
+    if grid.ndim != 2 or grid.size == 0:
+        raise InvalidCaseError(f"the map has shape {grid.shape}: give a non-empty [height, width] array")
+    if not np.isin(grid, (0, 1)).all():
+        raise InvalidCaseError(f"the map holds the value {grid[~np.isin(grid, (0, 1))][0]}: use 0 (free) and 1 (obstacle)")
+    grid = grid.astype(bool)
+    cells = {"start": _cells(starts, "starts"), "goal": _cells(goals, "goals")}
+    if len(cells["start"]) != len(cells["goal"]):
+        raise InvalidCaseError(f"{len(cells['start'])} starts but {len(cells['goal'])} goals: give one of each per robot")
+    for what, where in cells.items():
+        _check_cells(grid, where, what)
+    regions, _ = ndimage.label(~grid)
+    apart = at(regions, cells["start"]) != at(regions, cells["goal"])
+    if apart.any():
+        robot = int(np.flatnonzero(apart)[0])
+        raise InvalidCaseError(
+            f"robot {robot}: goal {_text(cells['goal'][robot])} cannot be reached from start "
+            f"{_text(cells['start'][robot])}: obstacles lie between them"
+        )
+    return Case(grid, cells["start"], cells["goal"])
+
+
+def draw_case(
+    seed: int, number: int, width: int = 20, height: int = 20, robots: int = 10, density: float = 0.1
+) -> Case:
+    """Case ``number`` of the endless series that ``seed`` names; the same on every machine.
+
+    Obstacles are drawn uniformly (exactly ``round(density * width * height)`` of them), starts are unique, goals are
+    unique, and every goal can be reached from its start.
+
+    Raises:
+        InvalidCaseError: no case with these numbers can be drawn (too many robots or obstacles).
+    """
+    count = round(density * width * height)
+    if not (width > 0 and height > 0 and robots > 0 and 0 <= density < 1 and count + robots <= width * height):
+        raise InvalidCaseError(
+            f"{robots} robots do not fit on a {width}x{height} map of obstacle density {density}: ask for fewer"
+        )
+    # Only random() is drawn: its stream is part of numpy's compatibility promise, unlike choice() or shuffle().
+    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, number])))
+    for _ in range(1000):
+        grid = np.zeros(width * height, dtype=bool)
+        grid[np.argsort(rng.random(width * height), kind="stable")[:count]] = True
+        grid = grid.reshape(height, width)
+        y, x = np.nonzero(~grid)
+        free = np.stack([x, y], axis=1).astype(np.int64)
+        starts = free[np.argsort(rng.random(len(free)), kind="stable")[:robots]]
+        goals = _draw_goals(grid, starts, free[np.argsort(rng.random(len(free)), kind="stable")])
+        if goals is not None:
+            return Case(grid, starts, goals)
+    raise InvalidCaseError(
+        f"no reachable goals for {robots} robots on a {width}x{height} map of obstacle density {density} in 1000 "
+        "tries: ask for fewer robots or obstacles"
+    )
+
+
+def _draw_goals(grid: BoolArray, starts: IntArray, shuffled: IntArray) -> IntArray | None:
+    """For each start the first cell of ``shuffled`` that it can reach and no robot before it took; None if none is left."""
+    regions, _ = ndimage.label(~grid)
+    region_of = at(regions, shuffled)
+    taken = np.zeros(len(shuffled), dtype=bool)
+    goals = np.empty_like(starts)
+    for robot, region in enumerate(at(regions, starts)):
+        candidates = np.flatnonzero((region_of == region) & ~taken)
+        if len(candidates) == 0:
+            return None
+        taken[candidates[0]] = True
+        goals[robot] = shuffled[candidates[0]]
+    return goals
+
+
+def _cells(cells: npt.ArrayLike, what: str) -> IntArray:
+    array = np.asarray(cells)
+    if array.ndim != 2 or array.shape[1] != 2 or len(array) == 0:
+        raise InvalidCaseError(f"{what} have shape {array.shape}: give [N, 2] cells (x, y), N at least 1")
+    whole = array.astype(np.int64) if np.isfinite(array.astype(np.float64)).all() else None
+    if whole is None or (whole != array).any():
+        raise InvalidCaseError(f"{what} hold numbers that are no whole cells: {array.tolist()}")
+    return whole
+
+
+def _check_cells(grid: BoolArray, cells: IntArray, what: str) -> None:
+    height, width = grid.shape
+    outside = ~inside(grid.shape, cells)
+    if outside.any():
+        robot = int(np.flatnonzero(outside)[0])
+        raise InvalidCaseError(f"robot {robot}: {what} {_text(cells[robot])} lies outside the {width}x{height} map")
+    blocked = at(grid, cells)
+    if blocked.any():
+        robot = int(np.flatnonzero(blocked)[0])
+        raise InvalidCaseError(f"robot {robot}: {what} {_text(cells[robot])} is an obstacle")
+    _, first, inverse = np.unique(cells, axis=0, return_index=True, return_inverse=True)
+    shared = first[inverse.ravel()] != np.arange(len(cells))
+    if shared.any():
+        robot = int(np.flatnonzero(shared)[0])
+        other = int(first[inverse.ravel()[robot]])
+        raise InvalidCaseError(f"robots {other} and {robot} share the {what} {_text(cells[robot])}: {what}s must differ")
+
+
+def _text(cell: IntArray) -> str:
+    return f"({int(cell[0])}, {int(cell[1])})"

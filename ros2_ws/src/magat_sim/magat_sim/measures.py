@@ -1,0 +1,126 @@
+"""The measures of an episode and of a set of them (MAGAT paper, Sec. VI-A)."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from magat_sim.grid import BoolArray, IntArray
+
+#: T_max is this many times the expert's makespan.
+T_MAX_FACTOR = 3
+
+
+@dataclass(frozen=True)
+class Flowtime:
+    """Steps until the goals, summed over robots: FT."""
+
+    #: By the first visit of each robot (for alpha).
+    first_visit: int
+    #: By the last arrival of each robot, after which it stays (for alpha_strict).
+    last_arrival: int
+
+
+@dataclass(frozen=True)
+class EpisodeMeasures:
+    """What one episode came to. Steps are ticks of the simulation."""
+
+    success: bool
+    success_strict: bool
+    p_rg: float
+    flowtime: Flowtime
+    expert_flowtime: Flowtime | None
+    makespan: int
+    t_max: int
+    ticks: int
+    moves_blocked: int
+
+    @property
+    def delta_ft(self) -> float:
+        """(FT - FT*) / FT* by first visits; NaN without an expert's solution."""
+        return _increase(self.flowtime.first_visit, self.expert_flowtime and self.expert_flowtime.first_visit)
+
+    @property
+    def delta_ft_strict(self) -> float:
+        """(FT - FT*) / FT* by last arrivals; NaN without an expert's solution."""
+        return _increase(self.flowtime.last_arrival, self.expert_flowtime and self.expert_flowtime.last_arrival)
+
+
+def expert_flowtime(paths: npt.ArrayLike, goals: IntArray) -> Flowtime:
+    """FT* of the expert's ``paths`` (``[T + 1, N, 2]`` cells, ending on ``goals`` ``[N, 2]``), measured as the robots' is."""
+    on_goal = (np.asarray(paths) == goals).all(axis=2)
+    return Flowtime(int(first_visits(on_goal).sum()), int(last_arrivals(on_goal).sum()))
+
+
+def first_visits(on_goal: BoolArray) -> IntArray:
+    """``[N]`` first step at which each robot is on its goal; ``on_goal`` is ``[T + 1, N]``, each robot at least once there."""
+    return on_goal.argmax(axis=0)
+
+
+def last_arrivals(on_goal: BoolArray) -> IntArray:
+    """``[N]`` step from which on each robot is on its goal to the end; T + 1 for one that is not there at the end."""
+    away = ~on_goal[::-1]
+    return np.where(away.any(axis=0), len(on_goal) - away.argmax(axis=0), 0)
+
+
+def wilson(successes: int, cases: int, z: float = 1.959964) -> tuple[float, float]:
+    """The 95 % score interval of a rate (Wilson, JASA 1927).
+
+    Raises:
+        ValueError: no cases, or more successes than cases.
+    """
+    if not 0 <= successes <= cases or cases == 0:
+        raise ValueError(f"{successes} successes of {cases} cases make no rate")
+    rate = successes / cases
+    centre = rate + z * z / (2 * cases)
+    half = z * math.sqrt(rate * (1 - rate) / cases + z * z / (4 * cases * cases))
+    scale = 1 + z * z / cases
+    return max(0.0, (centre - half) / scale), min(1.0, (centre + half) / scale)
+
+
+@dataclass(frozen=True)
+class SetMeasures:
+    """Measures over a set of episodes; rates with their 95 % intervals."""
+
+    cases: int
+    alpha: float
+    alpha_interval: tuple[float, float]
+    alpha_strict: float
+    alpha_strict_interval: tuple[float, float]
+    delta_ft: float
+    delta_ft_strict: float
+    #: Half width of the 95 % interval of the mean delta_ft (normal approximation).
+    delta_ft_half_width: float
+    p_rg: float
+    makespan: float
+    moves_blocked: float
+
+
+def summarise(episodes: Sequence[EpisodeMeasures]) -> SetMeasures:
+    """The measures over ``episodes`` (at least one)."""
+    cases = len(episodes)
+    successes = sum(e.success for e in episodes)
+    strict = sum(e.success_strict for e in episodes)
+    increase = np.array([e.delta_ft for e in episodes])
+    return SetMeasures(
+        cases=cases,
+        alpha=successes / cases,
+        alpha_interval=wilson(successes, cases),
+        alpha_strict=strict / cases,
+        alpha_strict_interval=wilson(strict, cases),
+        delta_ft=float(increase.mean()),
+        delta_ft_strict=float(np.mean([e.delta_ft_strict for e in episodes])),
+        delta_ft_half_width=float(1.959964 * increase.std(ddof=1) / math.sqrt(cases)) if cases > 1 else math.nan,
+        p_rg=float(np.mean([e.p_rg for e in episodes])),
+        makespan=float(np.mean([e.makespan for e in episodes])),
+        moves_blocked=float(np.mean([e.moves_blocked for e in episodes])),
+    )
+
+
+def _increase(flowtime: int, best: int | None) -> float:
+    if best is None:
+        return math.nan
+    # Every robot starts on its goal: nothing to lose against.
+    return (flowtime - best) / best if best > 0 else float(flowtime > 0)

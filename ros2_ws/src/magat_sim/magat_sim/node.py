@@ -1,0 +1,349 @@
+"""The simulator node: runs episodes on a team of robots, each its own process, for whoever calls the RunEpisode action."""
+
+import array
+import secrets
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+import numpy as np
+import rclpy
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.executors import ExternalShutdownException
+from rclpy.experimental import EventsExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, QoSReliabilityPolicy
+from rclpy.task import Future
+
+from magat_interfaces.action import RunEpisode
+from magat_interfaces.msg import Observation, Preference, RobotStatus, World
+from magat_interfaces.srv import SolveMapf
+from magat_sim.case import Case, InvalidCaseError, draw_case, make_case
+from magat_sim.episode import episode_streams
+from magat_sim.measures import T_MAX_FACTOR, Flowtime, expert_flowtime
+from magat_sim.team import Team
+from magat_sim.ticks import Episode, Outcome, Wish
+
+RCLError = rclpy_implementation.RCLError
+
+#: Seconds between hellos to robots that do not take part.
+HELLO_PERIOD = 0.2
+
+
+class DeferredActionServer(ActionServer):
+    """An action server whose goals are ended by events to come.
+
+    rclpy runs a goal in a callback, and one that awaits keeps an EventsExecutor busy. Here the callback starts the work and
+    returns; `finish` ends the goal when the result is there.
+    """
+
+    def __init__(self, node: Node, action_type: type, name: str, start: Callable[[ServerGoalHandle], None], **options: object) -> None:
+        super().__init__(node, action_type, name, lambda goal: None, **options)
+        self._start = start
+
+    def notify_execute(self, goal_handle: ServerGoalHandle, execute_callback: object) -> None:
+        """Called by rclpy when the goal has begun to execute."""
+        self._start(goal_handle)
+
+    def finish(self, goal_handle: ServerGoalHandle, end: Callable[[], None], result: object) -> None:
+        """End the goal by ``end`` (one of its succeed, abort and canceled) and send ``result``."""
+
+        def execute(_: ServerGoalHandle) -> object:
+            end()
+            return result
+
+        super().notify_execute(goal_handle, execute)
+
+
+class SimulatorNode(Node):
+    """Waits for its robots, runs episodes, enforces grid, radio radius and shield."""
+
+    def __init__(self, **options: object) -> None:
+        """Expect the robots that the parameter ``robots`` names.
+
+        Raises:
+            ValueError: the parameter names no robots, or one twice.
+        """
+        super().__init__("simulator", **options)
+        names = self.declare_parameter(
+            "robots",
+            [f"robot_{i:02d}" for i in range(10)],
+            ParameterDescriptor(description="names of the robots, which are their namespaces", read_only=True),
+        ).value
+        self._ready_timeout = self._seconds("ready_timeout", 60.0, "wait so long for the team and the expert")
+        self._expert_limit = self._seconds("expert_time_limit", 10.0, "let the expert search so long")
+        deadline = self._seconds("tick_deadline", 1.0, "wait so long in a tick for preferences; who is silent idles")
+        self._team = Team(list(names), [secrets.randbits(63) + 1 for _ in names])
+        self._goal: ServerGoalHandle | None = None
+        self._case: Case | None = None
+        self._expert: Flowtime | None = None
+        self._episode: Episode | None = None
+        self._episode_id = 0
+        self._waiting_since: float | None = None
+        self._started = self._tick_started = 0.0
+
+        uplink = QoSProfile(depth=2 * len(names), reliability=QoSReliabilityPolicy.BEST_EFFORT)
+        down = QoSProfile(depth=4, reliability=QoSReliabilityPolicy.BEST_EFFORT)
+        self._send = [self.create_publisher(Observation, f"{name}/observation", down) for name in names]
+        self._send_world = self.create_publisher(World, "world", 100)
+        self.create_subscription(Preference, "preference", self._on_preference, uplink)
+        self.create_subscription(RobotStatus, "robot_status", self._on_status, 2 * len(names))
+        self._solve = self.create_client(SolveMapf, "solve_mapf")
+        self._action = DeferredActionServer(
+            self,
+            RunEpisode,
+            "run_episode",
+            self._begin,
+            goal_callback=lambda _: GoalResponse.REJECT if self._goal else GoalResponse.ACCEPT,
+            cancel_callback=lambda _: CancelResponse.ACCEPT,
+        )
+        self._deadline = self.create_timer(deadline, self._on_deadline)
+        self._deadline.cancel()
+        self.create_timer(HELLO_PERIOD, self._on_beat)
+
+    def _seconds(self, name: str, default: float, what: str) -> float:
+        span = FloatingPointRange(from_value=0.01, to_value=3600.0)
+        descriptor = ParameterDescriptor(description=f"seconds: {what}", floating_point_range=[span], read_only=True)
+        return self.declare_parameter(name, default, descriptor).value
+
+    # --- The team ---
+
+    def _on_beat(self) -> None:
+        """Say hello to who is missing; go on with an episode that waits for them."""
+        for member, publisher in zip(self._team.members, self._send, strict=True):
+            if not member.joined:
+                publisher.publish(Observation(tick=Observation.HELLO, own_tag=member.nonce))
+        if self._waiting_since is not None:
+            self._gather()
+
+    def _on_status(self, message: RobotStatus) -> None:
+        member = self._team.by_name.get(message.robot)
+        if member is not None:
+            member.reported(time.monotonic(), message.peers_heard, message.digest)
+
+    # --- An episode: begin, gather, ask the expert ---
+
+    def _begin(self, goal: ServerGoalHandle) -> None:
+        self._goal = goal
+        self._episode = self._expert = None
+        self._episode_id = secrets.randbits(63) + 1
+        request: RunEpisode.Goal = goal.request
+        try:
+            self._case = self._requested_case(request)
+        except InvalidCaseError as error:
+            self._finish(goal.abort, str(error))
+            return
+        self._waiting_since = time.monotonic()
+        self._gather()
+
+    def _requested_case(self, request: RunEpisode.Goal) -> Case:
+        robots, width, height = len(self._team.members), request.width, request.height
+        if len(request.obstacles) == 0:
+            return draw_case(request.seed, request.number, width, height, robots, request.density)
+        grid = np.asarray(request.obstacles)
+        if grid.size != width * height:
+            raise InvalidCaseError(f"the map has {grid.size} cells, not {width} x {height}: send one byte a cell")
+        columns = [request.start_x, request.start_y, request.goal_x, request.goal_y]
+        lengths = [len(column) for column in columns]
+        if lengths != [robots] * 4:
+            raise InvalidCaseError(f"starts and goals of {lengths} coordinates for a team of {robots}: send one a robot")
+        cells = np.stack([np.asarray(column, dtype=np.int64) for column in columns], axis=1)
+        return make_case(grid.reshape(height, width), cells[:, :2], cells[:, 2:])
+
+    def _gather(self) -> None:
+        goal, now = self._goal, time.monotonic()
+        assert goal is not None and self._waiting_since is not None
+        if goal.is_cancel_requested:
+            self._finish(goal.canceled, "cancelled")
+            return
+        missing = self._team.gather(now)
+        expert = self._solve.service_is_ready() or goal.request.t_max > 0
+        if not missing and expert:
+            self._waiting_since = None
+            digests = self._team.digests()
+            if len(digests) > 1:
+                kinds = "; ".join(f"{digest[:12]}: {', '.join(names)}" for digest, names in digests.items())
+                self._finish(goal.abort, f"the robots carry different policies ({kinds}): start them with the same one")
+            else:
+                self._ask_expert()
+        elif now - self._waiting_since > self._ready_timeout:
+            absent = [*missing, *([] if expert else ["the expert"])]
+            self._finish(goal.abort, f"not there after {self._ready_timeout:g} s: {', '.join(absent)}")
+        else:
+            self._feed_back(0, 0)
+
+    def _ask_expert(self) -> None:
+        case = self._case
+        assert case is not None
+        if not self._solve.service_is_ready():
+            self._start(None)
+            return
+        height, width = case.obstacles.shape
+        request = SolveMapf.Request(width=width, height=height, w=1.1, time_limit=self._expert_limit)
+        request.obstacles = array.array("B", case.obstacles.astype(np.uint8).tobytes())
+        request.start_x, request.start_y = (_int16(column) for column in case.starts.T)
+        request.goal_x, request.goal_y = (_int16(column) for column in case.goals.T)
+        self._solve.call_async(request).add_done_callback(self._on_solved)
+
+    def _on_solved(self, future: Future) -> None:
+        self._start(future.result())
+
+    def _start(self, answer: SolveMapf.Response | None) -> None:
+        """The first tick, with the expert's answer if it gave one."""
+        goal, case = self._goal, self._case
+        assert goal is not None and case is not None
+        t_max = goal.request.t_max
+        if answer is not None and answer.status == SolveMapf.Response.SOLVED:
+            paths = np.stack([answer.path_x, answer.path_y], axis=-1).reshape(-1, case.robots, 2)
+            self._expert = expert_flowtime(paths, case.goals)
+            t_max = t_max or T_MAX_FACTOR * answer.makespan
+        elif t_max == 0:
+            why = answer.message if answer is not None else "there is none"
+            self._finish(goal.abort, f"the expert gives no makespan ({why}): set t_max, or take another case")
+            return
+        streams = episode_streams(goal.request.seed, goal.request.number, case.robots)
+        self._episode = Episode(case, t_max, streams)
+        self._started = time.monotonic()
+        self._publish_world(None)
+        if self._episode.simulator.done:
+            self._finish(goal.succeed, "")
+        else:
+            self._look()
+
+    # --- A tick ---
+
+    def _look(self) -> None:
+        episode = self._episode
+        assert episode is not None
+        self._tick_started = time.monotonic()
+        for name in self._team.readmit(self._tick_started):
+            self.get_logger().info(f"{name} is back")
+        sights = episode.look([member.joined for member in self._team.members])
+        for member, publisher, sight in zip(self._team.members, self._send, sights, strict=True):
+            if not member.joined:
+                continue
+            message = Observation(episode=self._episode_id, tick=episode.simulator.tick)
+            message.stream, message.own_tag = sight.stream, sight.own_tag
+            message.audible_tags = array.array("Q", sight.audible_tags)
+            message.field_of_view = array.array("B", sight.field_of_view.tobytes())
+            publisher.publish(message)
+        self._deadline.reset()
+
+    def _on_preference(self, message: Preference) -> None:
+        if message.tick == Observation.HELLO:
+            member = self._team.by_nonce.get(message.tag)
+            if member is not None:
+                member.answered(time.monotonic())
+            return
+        episode = self._episode
+        if episode is None or message.episode != self._episode_id or message.tick != episode.simulator.tick:
+            return  # late: its tick ended without it, which was counted then
+        why = episode.answer(message.tag, Wish(message.primitive, message.heard, message.feature_bytes))
+        if why is not None:
+            self.get_logger().warning(f"dropped {why}", throttle_duration_sec=5.0)
+        elif all(there or not m.joined for there, m in zip(episode.answered, self._team.members, strict=True)):
+            self._advance()
+
+    def _on_deadline(self) -> None:
+        self._deadline.cancel()
+        if self._episode is not None:
+            self._advance()
+
+    def _advance(self) -> None:
+        goal, episode = self._goal, self._episode
+        assert goal is not None and episode is not None
+        self._deadline.cancel()
+        outcome = episode.advance()
+        for name in self._team.account((~outcome.silent).tolist()):
+            self.get_logger().warning(f"{name} is silent: it stays where it is until it answers again")
+        self._publish_world(outcome)
+        simulator = episode.simulator
+        self._feed_back(int(simulator.visited.sum()), int(simulator.on_goal.sum()))
+        if simulator.done:
+            self._finish(goal.succeed, "")
+        elif goal.is_cancel_requested:
+            self._finish(goal.canceled, "cancelled")
+        else:
+            self._look()
+
+    # --- What the world is told ---
+
+    def _publish_world(self, outcome: Outcome | None) -> None:
+        episode, case = self._episode, self._case
+        assert episode is not None and case is not None
+        simulator = episode.simulator
+        height, width = case.obstacles.shape
+        message = World(episode=self._episode_id, tick=simulator.tick, width=width, height=height)
+        message.robots = [member.name for member in self._team.members]
+        message.x, message.y = (_int16(column) for column in simulator.position.T)
+        message.goal_x, message.goal_y = (_int16(column) for column in case.goals.T)
+        message.visited = simulator.visited.tolist()
+        if outcome is None:
+            message.obstacles = array.array("B", case.obstacles.astype(np.uint8).tobytes())
+            message.wanted = message.moved = array.array("B", bytes(case.robots))
+            message.silent = [False] * case.robots
+        else:
+            message.wanted = array.array("B", outcome.wanted.astype(np.uint8).tobytes())
+            message.moved = array.array("B", outcome.step.moved.astype(np.uint8).tobytes())
+            message.silent = outcome.silent.tolist()
+            message.links = outcome.links
+            message.seconds = time.monotonic() - self._tick_started
+        self._send_world.publish(message)
+
+    def _feed_back(self, arrived: int, on_goal: int) -> None:
+        assert self._goal is not None
+        feedback = RunEpisode.Feedback(arrived=arrived, on_goal=on_goal, robots=len(self._team.members))
+        feedback.joined = sum(member.joined for member in self._team.members)
+        if self._episode is not None:
+            feedback.tick = self._episode.simulator.tick
+            feedback.t_max = int(self._episode.simulator.t_max[0])
+        self._goal.publish_feedback(feedback)
+
+    def _finish(self, end: Callable[[], None], error: str) -> None:
+        goal, episode = self._goal, self._episode
+        assert goal is not None
+        self._deadline.cancel()
+        result = RunEpisode.Result(error=error, episode=self._episode_id)
+        result.delta_ft = result.delta_ft_strict = float("nan")
+        if episode is not None:
+            elapsed = time.monotonic() - self._started
+            measures = episode.simulator.measures([self._expert])[0]
+            for name in ("success", "success_strict", "delta_ft", "delta_ft_strict", "p_rg", "makespan", "t_max", "ticks"):
+                setattr(result, name, getattr(measures, name))
+            result.flowtime = measures.flowtime.first_visit
+            result.expert_flowtime = self._expert.first_visit if self._expert else 0
+            result.moves_blocked = measures.moves_blocked
+            result.silent, result.features_missing = episode.silent, episode.features_missing
+            result.bytes_per_tick = episode.bytes_per_tick
+            result.ticks_per_second = measures.ticks / elapsed if elapsed > 0 else 0.0
+        self._goal = self._episode = self._waiting_since = None
+        self._action.finish(goal, end, result)
+
+
+def _int16(values: np.ndarray) -> array.array:
+    return array.array("h", values.astype(np.int16).tobytes())
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the simulator until it is told to end. Returns the exit status."""
+    # SIGINT and SIGTERM shut the context down, which ends the loop or surfaces as one of these, in mid-call.
+    with suppress(KeyboardInterrupt, ExternalShutdownException, RCLError):
+        rclpy.init(args=args)
+        try:
+            node = SimulatorNode()
+        except ValueError as error:
+            rclpy.logging.get_logger("simulator").fatal(str(error))
+            return 1
+        executor = EventsExecutor()
+        executor.add_node(node)
+        while rclpy.ok():
+            executor.spin_once(timeout_sec=1.0)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

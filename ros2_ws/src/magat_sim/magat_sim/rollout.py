@@ -1,0 +1,27 @@
+"""Whole episodes in one process: the batched simulator with any way to decide."""
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from magat_sim.grid import IntArray
+from magat_sim.simulator import Observation, Simulator
+
+#: ``[R]`` primitives for an observation of R robots.
+Decide = Callable[[Observation], npt.ArrayLike]
+
+
+def run(simulator: Simulator, decide: Decide, on_step: Callable[[Simulator], None] | None = None) -> None:
+    """Step ``simulator`` until every world is done; ``on_step`` is called after each step."""
+    while not simulator.done:
+        simulator.step(decide(simulator.observe()))
+        if on_step is not None:
+            on_step(simulator)
+
+
+def run_recorded(simulator: Simulator, decide: Decide) -> IntArray:
+    """As `run`, for one world; returns the paths, ``[ticks + 1, N, 2]`` cells ``(x, y)``."""
+    paths = [simulator.position.copy()]
+    run(simulator, decide, lambda after: paths.append(after.position.copy()))
+    return np.stack(paths)

@@ -1,0 +1,198 @@
+"""The simulator: many worlds in lockstep, or one. The node, training and evaluation all step this class."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from magat_sim.case import Case
+from magat_sim.episode import EpisodeStreams
+from magat_sim.field_of_view import RADIUS, Uint8Array, field_of_view, pad
+from magat_sim.grid import DELTAS, BoolArray, IntArray
+from magat_sim.measures import EpisodeMeasures, Flowtime
+from magat_sim.radio import neighbours
+from magat_sim.shield import NOBODY, idle_shield
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What R robots (those of all worlds that still run, world by world) know at one instant."""
+
+    #: ``[R, 3, 11, 11]`` uint8, see `field_of_view`.
+    field_of_view: Uint8Array
+    #: ``[R, M]`` rows of this observation that each robot hears, filled up with -1, see `neighbours`.
+    heard: IntArray
+    #: ``[R]`` uint64 seeds of the robots' own streams.
+    streams: npt.NDArray[np.uint64]
+    #: Steps made so far.
+    tick: int
+
+
+@dataclass(frozen=True)
+class Step:
+    """What the shield made of R robots' wishes."""
+
+    #: ``[R]`` the primitive each robot made.
+    moved: IntArray
+    #: ``[R]`` bool, a move that was turned into IDLE.
+    blocked: BoolArray
+
+
+class Simulator:
+    """B worlds of any sizes and teams, stepped together until each is done.
+
+    A world is done when all its robots stand on their goals at one instant, or after its T_max steps. Robots never
+    collide, whatever they want. All robots are numbered through, world by world.
+    """
+
+    def __init__(self, cases: Sequence[Case], t_max: Sequence[int], streams: Sequence[EpisodeStreams]) -> None:
+        """Put the robots on their starts.
+
+        Args:
+            cases: ``[B]``.
+            t_max: ``[B]`` steps at most, each at least 0.
+            streams: ``[B]`` randomness, see `episode_streams`; its generators are advanced.
+
+        Raises:
+            ValueError: lengths differ, or streams are for another number of robots.
+        """
+        if not len(cases) == len(t_max) == len(streams) or not cases:
+            raise ValueError(f"{len(cases)} cases, {len(t_max)} t_max, {len(streams)} streams: give one of each per world")
+        for case, stream in zip(cases, streams, strict=True):
+            if case.robots != len(stream.robots):
+                raise ValueError(f"streams for {len(stream.robots)} robots, but the case has {case.robots}")
+        self.tick = 0
+        self.t_max = np.asarray(t_max, dtype=np.int64)
+        self.world = np.repeat(np.arange(len(cases)), [case.robots for case in cases])
+        self.position = np.concatenate([case.starts for case in cases]).copy()
+        self.goal = np.concatenate([case.goals for case in cases])
+        self._streams = streams
+        self._robot_streams = np.concatenate([stream.robots for stream in streams])
+
+        height = max(case.obstacles.shape[0] for case in cases)
+        width = max(case.obstacles.shape[1] for case in cases)
+        grids = np.ones((len(cases), height, width), dtype=np.uint8)
+        for grid, case in zip(grids, cases, strict=True):
+            grid[: case.obstacles.shape[0], : case.obstacles.shape[1]] = case.obstacles
+        self._obstacles = pad(grids, 1)
+        self._occupant = np.full(self._obstacles.size, NOBODY, dtype=np.int32)
+        self._occupant[self._cell(self.position)] = np.arange(len(self.world))
+
+        on_goal = self.on_goal
+        self._first_visit = np.where(on_goal, 0, -1)
+        self._arrival = np.where(on_goal, 0, -1)  # since when on the goal; -1 while away
+        self._blocked = np.zeros(len(cases), dtype=np.int64)
+        self._ticks = np.zeros(len(cases), dtype=np.int64)
+        self._strict = self._all_in_world(on_goal)
+        self._update_active()
+
+    @property
+    def on_goal(self) -> BoolArray:
+        """``[all robots]`` bool, who stands on its goal now."""
+        return (self.position == self.goal).all(axis=1)
+
+    @property
+    def visited(self) -> BoolArray:
+        """``[all robots]`` bool, who has stood on its goal."""
+        return self._first_visit >= 0
+
+    @property
+    def active(self) -> IntArray:
+        """``[R]`` the robots of the worlds that still run; observations and steps speak of these, in this order."""
+        return self._active
+
+    @property
+    def done(self) -> bool:
+        """Every world is done."""
+        return len(self._active) == 0
+
+    def observe(self) -> Observation:
+        """What the active robots know now."""
+        robots = self._active
+        occupied = (self._occupant != NOBODY).astype(np.uint8).reshape(self._obstacles.shape)
+        world, position = self.world[robots], self.position[robots]
+        view = field_of_view(self._obstacles, occupied, world, position, self.goal[robots])
+        return Observation(view, neighbours(world, position), self._robot_streams[robots], self.tick)
+
+    def step(self, wanted: npt.ArrayLike) -> Step:
+        """Make one step.
+
+        Args:
+            wanted: ``[R]`` the primitive each active robot wants to make, 0 to 4.
+
+        Raises:
+            ValueError: wrong shape, or no primitive.
+        """
+        wanted = np.asarray(wanted, dtype=np.int64)
+        robots = self._active
+        if wanted.shape != robots.shape or (wanted < 0).any() or (wanted >= len(DELTAS)).any():
+            raise ValueError(f"wanted has shape {wanted.shape}, values {set(wanted.ravel().tolist())}: "
+                             f"give {robots.shape} primitives from 0 to {len(DELTAS) - 1}")  # fmt: skip
+        cell = self._cell(self.position)
+        target = cell.copy()
+        destination = self.position[robots] + DELTAS[wanted]
+        target[robots] = self._cell(destination, self.world[robots])
+        draw = np.ones(len(cell))
+        for world in np.unique(self.world[robots]):
+            here = self.world == world
+            draw[here] = self._streams[world].shield.random(int(here.sum()))
+        moves = idle_shield(self._occupant, self._obstacles.reshape(-1), cell, target, draw)
+        self._occupant[cell[moves]] = NOBODY
+        self._occupant[target[moves]] = np.flatnonzero(moves)
+        made = moves[robots]
+        self.position[robots[made]] = destination[made]
+
+        blocked = (wanted != 0) & ~made
+        np.add.at(self._blocked, self.world[robots[blocked]], 1)
+        self._account(robots)
+        return Step(np.where(made, wanted, 0), blocked)
+
+    def measures(self, expert: Sequence[Flowtime | None]) -> list[EpisodeMeasures]:
+        """The measures of each world (``[B]``), against the expert's flowtimes (``[B]``)."""
+        return [self._measures_of(world, best) for world, best in enumerate(expert)]
+
+    def _measures_of(self, world: int, best: Flowtime | None) -> EpisodeMeasures:
+        here = self.world == world
+        t_max = int(self.t_max[world])
+        first, last = self._first_visit[here], self._arrival[here]
+        success = bool((first >= 0).all())
+        return EpisodeMeasures(
+            success=success,
+            success_strict=bool(self._strict[world]),
+            p_rg=float((first >= 0).mean()),
+            flowtime=Flowtime(
+                int(np.where(first >= 0, first, t_max).sum()), int(np.where(last >= 0, last, t_max).sum())
+            ),
+            expert_flowtime=best,
+            makespan=int(first.max()) if success else t_max,
+            t_max=t_max,
+            ticks=int(self._ticks[world]),
+            moves_blocked=int(self._blocked[world]),
+        )
+
+    def _account(self, robots: IntArray) -> None:
+        self.tick += 1
+        on_goal = self.on_goal
+        now = np.zeros(len(on_goal), dtype=bool)
+        now[robots] = on_goal[robots]
+        self._first_visit[now & (self._first_visit < 0)] = self.tick
+        self._arrival[now & (self._arrival < 0)] = self.tick
+        self._arrival[robots[~on_goal[robots]]] = -1
+        self._ticks[np.unique(self.world[robots])] = self.tick
+        self._strict |= self._all_in_world(on_goal)
+        self._update_active()
+
+    def _update_active(self) -> None:
+        running = ~self._strict & (self.tick < self.t_max)
+        self._active = np.flatnonzero(running[self.world])
+
+    def _all_in_world(self, flag: BoolArray) -> BoolArray:
+        result = np.ones(len(self.t_max), dtype=bool)
+        np.logical_and.at(result, self.world, flag)
+        return result
+
+    def _cell(self, position: IntArray, world: IntArray | None = None) -> IntArray:
+        _, height, width = self._obstacles.shape
+        world = self.world if world is None else world
+        return (world * height + position[:, 1] + RADIUS) * width + position[:, 0] + RADIUS

@@ -1,0 +1,89 @@
+"""Who of the team is there: readiness before an episode, silence and return during one. Free of ROS; time is passed in."""
+
+from dataclasses import dataclass, field
+
+#: How long an answer to a hello, or a status, counts as fresh, seconds.
+FRESH = 1.0
+#: A robot silent for so many ticks in a row is absent: nobody waits for it or hears it until it answers a hello.
+SILENT_TICKS = 2
+
+
+@dataclass
+class Member:
+    """What the simulator knows of one robot."""
+
+    name: str
+    #: Sent with each hello; the robot's answer carries it back.
+    nonce: int
+    #: Takes part: it was ready once and has not fallen silent since.
+    joined: bool = False
+    silent_ticks: int = 0
+    digest: str = ""
+    _answered: float = field(default=-1e9, repr=False)
+    _status: float = field(default=-1e9, repr=False)
+    _peers_heard: int = 0
+
+    def answered(self, now: float) -> None:
+        """It answered a hello at ``now`` (seconds)."""
+        self._answered = now
+
+    def reported(self, now: float, peers_heard: int, digest: str) -> None:
+        """Its status came at ``now``: hellos of ``peers_heard`` other robots reach it."""
+        self._status, self._peers_heard, self.digest = now, peers_heard, digest
+
+    def reachable(self, now: float) -> bool:
+        """Observations reach it and its preferences come back."""
+        return now - self._answered < FRESH
+
+    def ready(self, now: float, peers: int) -> bool:
+        """Reachable, and it hears at least ``peers`` other robots."""
+        return self.reachable(now) and now - self._status < FRESH and self._peers_heard >= peers
+
+
+class Team:
+    """The robots that the simulator expects, in its order."""
+
+    def __init__(self, names: list[str], nonces: list[int]) -> None:
+        """Expect the robots ``names``; ``nonces`` are random and all different.
+
+        Raises:
+            ValueError: no names, or a name twice.
+        """
+        if not names or len(set(names)) != len(names):
+            raise ValueError(f"the team is {names}: name at least one robot, and none twice")
+        self.members = [Member(name, nonce) for name, nonce in zip(names, nonces, strict=True)]
+        self.by_name = {member.name: member for member in self.members}
+        self.by_nonce = {member.nonce: member for member in self.members}
+
+    def gather(self, now: float) -> list[str]:
+        """Let join who is ready; the names of those still missing."""
+        peers = len(self.members) - 1
+        for member in self.members:
+            if not member.joined and member.ready(now, peers):
+                member.joined, member.silent_ticks = True, 0
+        return [member.name for member in self.members if not member.joined]
+
+    def readmit(self, now: float) -> list[str]:
+        """Between two ticks: let absent robots that can be reached take part again; their names."""
+        back = [member for member in self.members if not member.joined and member.reachable(now)]
+        for member in back:
+            member.joined, member.silent_ticks = True, 0
+        return [member.name for member in back]
+
+    def account(self, spoke: list[bool]) -> list[str]:
+        """After a tick: which robots spoke (``[N]``); the names of those that are absent from now on."""
+        lost = []
+        for member, heard in zip(self.members, spoke, strict=True):
+            member.silent_ticks = 0 if heard else member.silent_ticks + 1
+            if member.joined and member.silent_ticks >= SILENT_TICKS:
+                member.joined = False
+                member._answered = -1e9
+                lost.append(member.name)
+        return lost
+
+    def digests(self) -> dict[str, list[str]]:
+        """Which robots carry which policy, by the digest of its weights."""
+        carried: dict[str, list[str]] = {}
+        for member in self.members:
+            carried.setdefault(member.digest, []).append(member.name)
+        return carried

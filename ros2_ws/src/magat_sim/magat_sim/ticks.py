@@ -1,0 +1,116 @@
+"""One episode on a distributed team, tick by tick: one-time tags out, preferences in. Free of ROS."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from magat_sim.case import Case
+from magat_sim.episode import EpisodeStreams
+from magat_sim.field_of_view import Uint8Array
+from magat_sim.grid import DELTAS, BoolArray, IntArray
+from magat_sim.simulator import Simulator, Step
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What is told to one robot at the start of a tick."""
+
+    #: ``[3, 11, 11]`` uint8.
+    field_of_view: Uint8Array
+    own_tag: int
+    #: Tags of the messages it will hear, shuffled.
+    audible_tags: list[int]
+    stream: int
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What one robot answered."""
+
+    primitive: int
+    heard: int
+    feature_bytes: int
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a tick came to, for whoever watches."""
+
+    #: ``[N]`` the primitives wanted; IDLE where silent.
+    wanted: IntArray
+    step: Step
+    #: ``[N]`` bool.
+    silent: BoolArray
+    #: Directed radio links.
+    links: int
+
+
+class Episode:
+    """Runs a `Simulator` of one world by `look`, `answer` and `advance`; counts what the radio did."""
+
+    def __init__(self, case: Case, t_max: int, streams: EpisodeStreams) -> None:
+        """Put the robots on their starts; see `Simulator`."""
+        self.simulator = Simulator([case], [t_max], [streams])
+        self.robots = case.robots
+        self.silent = self.features_missing = self.feature_bytes = self.answers = 0
+        self._tags = streams.tags
+        self._wishes: dict[int, Wish] = {}
+        self._robot_of: dict[int, int] = {}
+        self._expected: list[int] = []
+        self._audible: IntArray = np.zeros(0, dtype=np.int64)
+        self._links = 0
+
+    def look(self, present: npt.ArrayLike) -> list[Sight]:
+        """Start a tick: what each of the N robots sees, and whom of those ``present`` (``[N]`` bool) it hears."""
+        present = np.asarray(present, dtype=bool)
+        observation = self.simulator.observe()
+        tags = self._tags.integers(1, 2**64, size=self.robots, dtype=np.uint64)
+        heard = np.where(present[np.maximum(observation.heard, 0)], observation.heard, -1)
+        audible = [tags[row[row >= 0]] for row in heard]
+        self._robot_of = {int(tag): robot for robot, tag in enumerate(tags)}
+        self._wishes = {}
+        self._audible = np.array([len(a) for a in audible])
+        self._links = int(self._audible[present].sum())
+        return [
+            Sight(view, int(tag), self._tags.permutation(hears).tolist(), int(stream))
+            for view, tag, hears, stream in zip(
+                observation.field_of_view, tags, audible, observation.streams, strict=True
+            )
+        ]
+
+    def answer(self, tag: int, wish: Wish) -> str | None:
+        """Take the preference sent under ``tag``; None, or why it was dropped."""
+        robot = self._robot_of.get(tag)
+        if robot is None:
+            return "a preference under a tag that was not given out in this tick"
+        if robot in self._wishes:
+            return "a second preference of one robot in one tick"
+        if not 0 <= wish.primitive < len(DELTAS):
+            return f"the primitive {wish.primitive}, where there are 0 to {len(DELTAS) - 1}"
+        self._wishes[robot] = wish
+        return None
+
+    @property
+    def answered(self) -> BoolArray:
+        """``[N]`` bool, whose preference is there."""
+        flags = np.zeros(self.robots, dtype=bool)
+        flags[list(self._wishes)] = True
+        return flags
+
+    def advance(self) -> Outcome:
+        """End the tick: who is silent idles, the shield rules, the robots move."""
+        wanted = np.zeros(self.robots, dtype=np.int64)
+        for robot, wish in self._wishes.items():
+            wanted[robot] = wish.primitive
+            self.features_missing += max(0, int(self._audible[robot]) - wish.heard)
+            self.feature_bytes += wish.feature_bytes
+        self.answers += len(self._wishes)
+        silent = ~self.answered
+        self.silent += int(silent.sum())
+        return Outcome(wanted, self.simulator.step(wanted), silent, self._links)
+
+    @property
+    def bytes_per_tick(self) -> float:
+        """Feature bytes that a robot sent in a tick, mean over the preferences that came."""
+        return self.feature_bytes / max(self.answers, 1)

@@ -1,0 +1,20 @@
+from setuptools import find_packages, setup
+
+PACKAGE = "magat_sim"
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=True,
+    maintainer="MAGAT maintainers",
+    maintainer_email="maintainers@magat.example",
+    description="The physics of the team: grid, field of view, radio, shields, episodes, and their node.",
+    license="Apache-2.0",
+    entry_points={"console_scripts": ["simulator = magat_sim.node:main"]},
+)

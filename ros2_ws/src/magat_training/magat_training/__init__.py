@@ -1,0 +1,1 @@
+"""From cases to policies: expert solutions, imitation, evaluation. No ROS in here."""

@@ -1,0 +1,59 @@
+"""Scenario sets: which cases are trained on, validated on, tested on, and the expert's solutions of them."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from magat_expert import SolveStatus, solve_many
+from magat_sim.case import Case, draw_case
+from magat_sim.grid import IntArray
+from magat_sim.measures import T_MAX_FACTOR, Flowtime, expert_flowtime
+
+#: Seed of the 30,000 cases that policies are trained, validated and tested on: 20x20 cells, 10 robots.
+SET_SEED = 2021
+#: Numbers of the cases of each split (70 / 15 / 15 %); no case is in two of them.
+SPLITS = {"train": range(21_000), "valid": range(21_000, 25_500), "test": range(25_500, 30_000)}
+#: The expert's suboptimality bound and its time limit a case, in seconds.
+EXPERT_W = 1.1
+EXPERT_TIME_LIMIT = 10.0
+
+
+@dataclass(frozen=True)
+class SolvedCase:
+    """A case and the expert's way through it."""
+
+    #: Its number under `SET_SEED`, which also names the random streams of an episode on it.
+    number: int
+    case: Case
+    #: ``[T + 1, N, 2]`` int16 cells; T is the expert's makespan.
+    paths: IntArray
+
+    @property
+    def flowtime(self) -> Flowtime:
+        """The expert's flowtime, FT*."""
+        return expert_flowtime(self.paths, self.case.goals)
+
+    @property
+    def t_max(self) -> int:
+        """Steps that a team gets for this case."""
+        return T_MAX_FACTOR * (len(self.paths) - 1)
+
+
+def solved_cases(numbers: Sequence[int], workers: int = 2, **size: float) -> Iterator[SolvedCase]:
+    """Draw and solve the cases ``numbers`` under `SET_SEED`, in order; those without an expert's solution are left out.
+
+    Args:
+        numbers: of the cases.
+        workers: solver threads.
+        size: width, height, robots, density, as `draw_case` takes them.
+    """
+    drawn: list[Case] = []
+
+    def draw() -> Iterator[Case]:
+        for number in numbers:
+            drawn.append(draw_case(SET_SEED, number, **size))  # type: ignore[arg-type]
+            yield drawn[-1]
+
+    solutions = solve_many(draw(), workers=workers, w=EXPERT_W, time_limit=EXPERT_TIME_LIMIT)
+    for index, (number, solution) in enumerate(zip(numbers, solutions, strict=True)):
+        if solution.status is SolveStatus.SOLVED and solution.paths is not None:
+            yield SolvedCase(number, drawn[index], solution.paths)

@@ -1,0 +1,48 @@
+"""Scoring a policy on a set of cases, in the batched simulator."""
+
+from collections.abc import Callable, Sequence
+
+from magat_robot.policy.policy import Policy
+from magat_sim.episode import episode_streams
+from magat_sim.measures import EpisodeMeasures
+from magat_sim.rollout import run
+from magat_sim.simulator import Observation, Simulator
+from magat_training.cases import SET_SEED, SolvedCase
+
+
+def simulator_for(solved: Sequence[SolvedCase], seed: int = SET_SEED) -> Simulator:
+    """A simulator with a world for each case; ``seed`` and each case's number name the random streams."""
+    return Simulator(
+        [s.case for s in solved],
+        [s.t_max for s in solved],
+        [episode_streams(seed, s.number, s.case.robots) for s in solved],
+    )
+
+
+def evaluate(
+    policy: Policy,
+    solved: Sequence[SolvedCase],
+    seed: int = SET_SEED,
+    on_step: Callable[[Simulator], None] | None = None,
+) -> list[EpisodeMeasures]:
+    """One episode on each case, all in lockstep.
+
+    Args:
+        policy: carried by every robot.
+        solved: the cases, with the expert's solutions.
+        seed: of the episodes' random streams.
+        on_step: called after each step, e.g. to show progress.
+
+    Returns:
+        The measures of each case, in order.
+    """
+    simulator = simulator_for(solved, seed)
+
+    def decide(observation: Observation) -> object:
+        decision = policy.decide_together(
+            observation.field_of_view, observation.heard, observation.streams, observation.tick
+        )
+        return decision.primitives
+
+    run(simulator, decide, on_step)  # type: ignore[arg-type]
+    return simulator.measures([s.flowtime for s in solved])

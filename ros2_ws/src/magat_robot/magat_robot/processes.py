@@ -9,6 +9,7 @@ import ctypes
 import os
 import signal
 import sys
+import traceback
 from types import FrameType
 
 import torch  # noqa: F401  imported here, before the fork, so that its memory is shared
@@ -61,6 +62,8 @@ def _fork(name: str, ros_arguments: list[str]) -> int:
         ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
         if os.getppid() == parent:  # else it died before the line above
             code = node.main(["robot", "--ros-args", "-r", f"__ns:=/{name.strip('/')}", *ros_arguments])
+    except BaseException:  # reported here, since nothing above this frame will run
+        traceback.print_exc()
     finally:
         # Not sys.exit(): what the parent registered for its own end is not for its children to run.
         sys.stdout.flush()

@@ -5,30 +5,24 @@ import secrets
 import sys
 import time
 from collections.abc import Callable
-from contextlib import suppress
 
 import numpy as np
-import rclpy
-from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
-from rclpy.executors import ExternalShutdownException
-from rclpy.experimental import EventsExecutor
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, QoSReliabilityPolicy
 from rclpy.task import Future
 
 from magat_interfaces.action import RunEpisode
 from magat_interfaces.msg import Observation, Preference, RobotStatus, World
 from magat_interfaces.srv import SolveMapf
+from magat_node import qos
+from magat_node.parameters import declare_seconds, declare_value
+from magat_node.run import run_node
 from magat_sim.case import Case, InvalidCaseError, draw_case, make_case
 from magat_sim.episode import episode_streams
 from magat_sim.measures import T_MAX_FACTOR, Flowtime, expert_flowtime
 from magat_sim.team import Team
 from magat_sim.ticks import Episode, Outcome, Wish
-
-RCLError = rclpy_implementation.RCLError
 
 #: Seconds between hellos to robots that do not take part.
 HELLO_PERIOD = 0.2
@@ -69,14 +63,14 @@ class SimulatorNode(Node):
             ValueError: the parameter names no robots, or one twice.
         """
         super().__init__("simulator", **options)
-        names = self.declare_parameter(
-            "robots",
-            [f"robot_{i:02d}" for i in range(10)],
-            ParameterDescriptor(description="names of the robots, which are their namespaces", read_only=True),
-        ).value
-        self._ready_timeout = self._seconds("ready_timeout", 60.0, "wait so long for the team and the expert")
-        self._expert_limit = self._seconds("expert_time_limit", 10.0, "let the expert search so long")
-        deadline = self._seconds("tick_deadline", 1.0, "wait so long in a tick for preferences; who is silent idles")
+        names = declare_value(
+            self, "robots", [f"robot_{i:02d}" for i in range(10)], "names of the robots, which are their namespaces"
+        )
+        self._ready_timeout = declare_seconds(self, "ready_timeout", 60.0, "wait so long for the team and the expert")
+        self._expert_limit = declare_seconds(self, "expert_time_limit", 10.0, "let the expert search so long")
+        deadline = declare_seconds(
+            self, "tick_deadline", 1.0, "wait so long in a tick for preferences; who is silent then idles"
+        )
         self._team = Team(list(names), [secrets.randbits(63) + 1 for _ in names])
         self._goal: ServerGoalHandle | None = None
         self._case: Case | None = None
@@ -86,12 +80,11 @@ class SimulatorNode(Node):
         self._waiting_since: float | None = None
         self._started = self._tick_started = 0.0
 
-        uplink = QoSProfile(depth=2 * len(names), reliability=QoSReliabilityPolicy.BEST_EFFORT)
-        down = QoSProfile(depth=4, reliability=QoSReliabilityPolicy.BEST_EFFORT)
-        self._send = [self.create_publisher(Observation, f"{name}/observation", down) for name in names]
-        self._send_world = self.create_publisher(World, "world", 100)
-        self.create_subscription(Preference, "preference", self._on_preference, uplink)
-        self.create_subscription(RobotStatus, "robot_status", self._on_status, 2 * len(names))
+        depth = qos.shared_depth(len(names))
+        self._send = [self.create_publisher(Observation, f"{name}/observation", qos.newest(4)) for name in names]
+        self._send_world = self.create_publisher(World, "world", qos.reliable(100))
+        self.create_subscription(Preference, "preference", self._on_preference, qos.newest(depth))
+        self.create_subscription(RobotStatus, "robot_status", self._on_status, qos.reliable(depth))
         self._solve = self.create_client(SolveMapf, "solve_mapf")
         self._action = DeferredActionServer(
             self,
@@ -104,11 +97,6 @@ class SimulatorNode(Node):
         self._deadline = self.create_timer(deadline, self._on_deadline)
         self._deadline.cancel()
         self.create_timer(HELLO_PERIOD, self._on_beat)
-
-    def _seconds(self, name: str, default: float, what: str) -> float:
-        span = FloatingPointRange(from_value=0.01, to_value=3600.0)
-        descriptor = ParameterDescriptor(description=f"seconds: {what}", floating_point_range=[span], read_only=True)
-        return self.declare_parameter(name, default, descriptor).value
 
     # --- The team ---
 
@@ -330,19 +318,7 @@ def _int16(values: np.ndarray) -> array.array:
 
 def main(args: list[str] | None = None) -> int:
     """Run the simulator until it is told to end. Returns the exit status."""
-    # SIGINT and SIGTERM shut the context down, which ends the loop or surfaces as one of these, in mid-call.
-    with suppress(KeyboardInterrupt, ExternalShutdownException, RCLError):
-        rclpy.init(args=args)
-        try:
-            node = SimulatorNode()
-        except ValueError as error:
-            rclpy.logging.get_logger("simulator").fatal(str(error))
-            return 1
-        executor = EventsExecutor()
-        executor.add_node(node)
-        while rclpy.ok():
-            executor.spin_once(timeout_sec=1.0)
-    return 0
+    return run_node("simulator", SimulatorNode, args)
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ EXPERT_TIME_LIMIT = 10.0
 class SolvedCase:
     """A case and the expert's way through it."""
 
-    #: Its number under `SET_SEED`, which also names the random streams of an episode on it.
+    #: Its number under the seed, which also names the random streams of an episode on it.
     number: int
     case: Case
     #: ``[T + 1, N, 2]`` int16 cells; T is the expert's makespan.
@@ -38,11 +38,14 @@ class SolvedCase:
         return T_MAX_FACTOR * (len(self.paths) - 1)
 
 
-def solved_cases(numbers: Sequence[int], workers: int = 2, **size: float) -> Iterator[SolvedCase]:
-    """Draw and solve the cases ``numbers`` under `SET_SEED`, in order; those without an expert's solution are left out.
+def solved_cases(
+    numbers: Sequence[int], seed: int = SET_SEED, workers: int = 2, **size: float
+) -> Iterator[SolvedCase]:
+    """Draw and solve the cases ``numbers`` under ``seed``, in order; those without an expert's solution are left out.
 
     Args:
         numbers: of the cases.
+        seed: of the series of cases.
         workers: solver threads.
         size: width, height, robots, density, as `draw_case` takes them.
     """
@@ -50,7 +53,7 @@ def solved_cases(numbers: Sequence[int], workers: int = 2, **size: float) -> Ite
 
     def draw() -> Iterator[Case]:
         for number in numbers:
-            drawn.append(draw_case(SET_SEED, number, **size))  # type: ignore[arg-type]
+            drawn.append(draw_case(seed, number, **size))  # type: ignore[arg-type]
             yield drawn[-1]
 
     solutions = solve_many(draw(), workers=workers, w=EXPERT_W, time_limit=EXPERT_TIME_LIMIT)

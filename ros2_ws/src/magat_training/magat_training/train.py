@@ -26,12 +26,12 @@ from magat_training.samples import Samples
 class TrainConfig:
     """How a policy is trained. The paper's values where the paper gives one."""
 
-    policy: PolicyConfig = PolicyConfig()
+    policy: PolicyConfig = PolicyConfig(temperature=1.5)
     #: Training cases (numbers from 0) and validation cases.
     train_cases: int = 21_000
     valid_cases: int = 300
     #: Optimiser steps, each on ``batch`` instants.
-    steps: int = 20_000
+    steps: int = 24_000
     batch: int = 64
     #: Learning rate, cosine from first to last.
     first_rate: float = 1e-3
@@ -81,6 +81,12 @@ class Trainer:
             if self.step % self.config.validate_every == 0 or self.step == self.config.steps:
                 self._validate(float(np.mean(losses)))
                 losses.clear()
+
+    def best_network(self) -> PolicyNetwork:
+        """The network of the best validation so far."""
+        network = PolicyNetwork(self.config.policy)
+        network.load_state_dict(torch.load(self.folder / "best.pt", weights_only=True))
+        return network
 
     def _train_step(self) -> float:
         config = self.config

@@ -4,10 +4,15 @@ from rclpy.qos import QoSProfile, QoSReliabilityPolicy
 
 
 def newest(depth: int) -> QoSProfile:
-    """Best effort: what is lost is not sent again, since the next tick makes it worthless. For the tick's own messages."""
+    """Best effort, for the tick's own messages: one that is lost is worthless by the time it could be sent again."""
     return QoSProfile(depth=depth, reliability=QoSReliabilityPolicy.BEST_EFFORT)
 
 
 def reliable(depth: int) -> QoSProfile:
-    """Lost messages are sent again. For what people and tools watch."""
+    """Lost messages are sent again, for what people and tools watch."""
     return QoSProfile(depth=depth, reliability=QoSReliabilityPolicy.RELIABLE)
+
+
+def shared_depth(robots: int) -> int:
+    """Queue depth of a topic on which a team of ``robots`` speaks at once: a tick's messages, and as many again."""
+    return 2 * robots + 4

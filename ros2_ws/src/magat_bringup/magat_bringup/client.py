@@ -1,0 +1,163 @@
+"""The client of the RunEpisode action: asks for episodes, follows them, and records the world as it goes by."""
+
+import signal
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from types import FrameType, TracebackType
+from typing import Any, Self
+
+import numpy as np
+import rclpy
+from rclpy.action import ActionClient
+from rclpy.experimental import EventsExecutor
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+
+from magat_bringup.processes import TeamError, TeamProcesses
+from magat_interfaces.action import RunEpisode
+from magat_interfaces.msg import World
+from magat_node import qos
+
+#: How long to wait for the simulator to appear, seconds.
+SIMULATOR_TIMEOUT = 60.0
+#: How long the last messages of an episode may trail behind its result, seconds.
+TRAILING = 5.0
+
+
+@dataclass
+class Recording:
+    """What an episode looked like from outside: the World messages of its ticks, as arrays."""
+
+    episode: int = 0
+    worlds: dict[int, World] = field(default_factory=dict)
+
+    @property
+    def _ordered(self) -> list[World]:
+        return [self.worlds[tick] for tick in sorted(self.worlds)]
+
+    @property
+    def obstacles(self) -> np.ndarray:
+        """``[H, W]`` bool."""
+        first = self._ordered[0]
+        return np.asarray(first.obstacles, dtype=bool).reshape(first.height, first.width)
+
+    @property
+    def goals(self) -> np.ndarray:
+        """``[N, 2]`` int64 cells ``(x, y)``."""
+        first = self._ordered[0]
+        return np.stack([first.goal_x, first.goal_y], axis=1).astype(np.int64)
+
+    @property
+    def positions(self) -> np.ndarray:
+        """``[T + 1, N, 2]`` int64 cells ``(x, y)``."""
+        return np.stack([np.stack([w.x, w.y], axis=1) for w in self._ordered]).astype(np.int64)
+
+    @property
+    def blocked(self) -> np.ndarray:
+        """``[T, N]`` bool, moves that the shield turned into IDLE."""
+        wanted = [np.asarray(w.wanted) != np.asarray(w.moved) for w in self._ordered[1:]]
+        return np.stack(wanted) if wanted else np.zeros((0, len(self.goals)), dtype=bool)
+
+
+@dataclass(frozen=True)
+class EpisodeOutcome:
+    """An episode's result and recording."""
+
+    result: RunEpisode.Result
+    recording: Recording
+
+
+class EpisodeClient:
+    """Runs episodes on a team. Use it in a ``with`` statement; Ctrl-C and SIGTERM raise KeyboardInterrupt while it waits."""
+
+    def __init__(self, team: TeamProcesses, domain: int) -> None:
+        """Join ROS domain ``domain``; ``team`` is watched while waiting."""
+        self._team = team
+        self._interrupted = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._interrupt)
+        self._context = rclpy.Context()
+        rclpy.init(args=[], context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+        self.node = rclpy.create_node("episode_client", context=self._context)
+        self._executor = EventsExecutor(context=self._context)
+        self._executor.add_node(self.node)
+        self._action = ActionClient(self.node, RunEpisode, "run_episode")
+        self._recording = Recording()
+        self.node.create_subscription(World, "world", self._on_world, qos.reliable(1000))
+
+    def wait_for_simulator(self) -> None:
+        """Wait until episodes can be asked for.
+
+        Raises:
+            TeamError: a process ended, or there is no simulator in time.
+        """
+        if not self.spin(self._action.server_is_ready, SIMULATOR_TIMEOUT):
+            raise TeamError(f"no simulator after {SIMULATOR_TIMEOUT:g} s")
+
+    def run(
+        self, goal: RunEpisode.Goal, on_feedback: Callable[[RunEpisode.Feedback], None]
+    ) -> EpisodeOutcome:
+        """Run one episode.
+
+        Raises:
+            TeamError: a process ended, the simulator is busy, or it could not run the episode.
+        """
+        handle = self._result_of(
+            self._action.send_goal_async(
+                goal, feedback_callback=lambda message: on_feedback(message.feedback)
+            )
+        )
+        if not handle.accepted:
+            raise TeamError("the simulator is busy with another episode: wait for its end")
+        result: RunEpisode.Result = self._result_of(handle.get_result_async()).result
+        if result.error:
+            raise TeamError(f"the episode failed: {result.error}")
+        if not self.spin(lambda: self._recorded(result), TRAILING):
+            raise TeamError(f"of {result.ticks + 1} world messages only {len(self._recording.worlds)} came")
+        return EpisodeOutcome(result, self._recording)
+
+    def _recorded(self, result: RunEpisode.Result) -> bool:
+        return self._recording.episode == result.episode and len(self._recording.worlds) > result.ticks
+
+    def _on_world(self, message: World) -> None:
+        if message.tick == 0:
+            self._recording = Recording(message.episode)
+        if message.episode == self._recording.episode:
+            self._recording.worlds[message.tick] = message
+
+    def _result_of(self, future: Future) -> Any:
+        self.spin(future.done)
+        return future.result()
+
+    def spin(self, until: Callable[[], bool], timeout: float = float("inf")) -> bool:
+        """Work until a condition holds; False if it does not in time.
+
+        Raises:
+            TeamError: a process of the team ended.
+        """
+        deadline = time.monotonic() + timeout
+        while not until():
+            if self._interrupted:
+                raise KeyboardInterrupt
+            if time.monotonic() > deadline:
+                return False
+            self._team.check()
+            self._executor.spin_once(timeout_sec=0.1)
+        return True
+
+    def _interrupt(self, _: int, __: FrameType | None) -> None:
+        # An exception raised in the middle of a callback would surface as an error of that callback.
+        self._interrupted = True
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        self._executor.remove_node(self.node)
+        self.node.destroy_node()
+        self._context.try_shutdown()

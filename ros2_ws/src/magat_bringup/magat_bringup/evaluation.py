@@ -1,0 +1,102 @@
+"""``magat evaluate``: a policy on many cases, in the batched simulator, with progress."""
+
+import dataclasses
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import track
+from rich.progress import Progress
+from rich.table import Table
+
+from magat_robot.policy.policy import Policy
+from magat_robot.policy.store import load, load_network
+from magat_sim.measures import EpisodeMeasures, summarise
+from magat_training.cases import SolvedCase, solved_cases
+from magat_training.evaluate import evaluate
+
+#: Cases simulated in lockstep.
+BATCH = 100
+
+
+def evaluate_policy(
+    folder: Path,
+    numbers: Sequence[int],
+    seed: int,
+    temperature: float | None,
+    size: dict[str, Any],
+    console: Console,
+) -> dict[str, Any]:
+    """Score the policy in ``folder`` on the cases ``numbers`` under ``seed``.
+
+    Args:
+        folder: of the policy.
+        numbers: of the cases.
+        seed: of cases and random streams.
+        temperature: for sampling; the policy's own if None.
+        size: width, height, robots and density of the cases.
+        console: shows the progress.
+
+    Returns:
+        Plain JSON values: what was measured, on what, with 95 % intervals.
+    """
+    policy = load(folder)
+    if temperature is not None:
+        network, digest = load_network(folder)
+        network.config = dataclasses.replace(network.config, temperature=temperature)
+        policy = Policy(network, digest)
+    solving = solved_cases(numbers, seed, **size)
+    solved = list(track(solving, "expert", total=len(numbers), console=console, transient=True))
+    started = time.monotonic()
+    episodes = _episodes(policy, solved, seed, console)
+    elapsed = time.monotonic() - started
+    return {
+        "policy": policy.config.name,
+        "digest": policy.digest,
+        "temperature": policy.config.temperature,
+        "shield": "idle",
+        **size,
+        "seed": seed,
+        "first_case": numbers[0],
+        "unsolved_by_expert": len(numbers) - len(solved),
+        **dataclasses.asdict(summarise(episodes)),
+        "seconds": round(elapsed, 1),
+    }
+
+
+def _episodes(policy: Policy, solved: list[SolvedCase], seed: int, console: Console) -> list[EpisodeMeasures]:
+    episodes: list[EpisodeMeasures] = []
+    with Progress(console=console, transient=True) as progress:
+        for start in range(0, len(solved), BATCH):
+            batch = solved[start : start + BATCH]
+            task = progress.add_task(f"episodes {start + 1} to {start + len(batch)} of {len(solved)}")
+            progress.update(task, total=max(case.t_max for case in batch))
+            episodes += evaluate(policy, batch, seed, lambda _, task=task: progress.advance(task))  # type: ignore[misc]
+            progress.remove_task(task)
+    return episodes
+
+
+def table(report: dict[str, Any]) -> Table:
+    """``report`` for people."""
+    title = (
+        f"{report['policy']}, T = {report['temperature']:g}, {report['shield']} shield: {report['cases']} cases of "
+        f"{report['width']}x{report['height']} ({report['robots']})"
+    )
+    result = Table(title=title, title_justify="left")
+    for heading in ("measure", "value", "95 % interval"):
+        result.add_column(heading, justify="right")
+    for name in ("alpha", "alpha_strict"):
+        low, high = report[f"{name}_interval"]
+        result.add_row(name, f"{report[name]:.3f}", f"{low:.3f} to {high:.3f}")
+    half = report["delta_ft_half_width"]
+    result.add_row(
+        "delta_FT",
+        f"{report['delta_ft']:.3f}",
+        f"{report['delta_ft'] - half:.3f} to {report['delta_ft'] + half:.3f}",
+    )
+    for name, label in (("delta_ft_strict", "delta_FT, strict"), ("p_rg", "p_rg"), ("makespan", "makespan"),
+                        ("moves_blocked", "moves blocked a case")):  # fmt: skip
+        result.add_row(label, f"{report[name]:.3f}", "")
+    return result

@@ -1,0 +1,184 @@
+"""``magat run``: a team of processes, episodes on it, a table, a picture and an animation."""
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from time import monotonic
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    SpinnerColumn,
+    TextColumn,
+    TimeElapsedColumn,
+)
+from rich.table import Table
+
+from magat_bringup.client import EpisodeClient, EpisodeOutcome
+from magat_bringup.environment import loopback, own_domain
+from magat_bringup.models import find_policy
+from magat_bringup.picture import EpisodeRecord, save_animation, save_picture
+from magat_bringup.processes import TeamPlan, TeamProcesses
+from magat_interfaces.action import RunEpisode
+
+
+@dataclass(frozen=True)
+class RunPlan:
+    """Which episodes to run, with whom."""
+
+    episodes: int
+    robots: int
+    width: int
+    height: int
+    density: float
+    #: Episodes are the cases ``first``, ``first + 1``, ... under ``seed``.
+    seed: int
+    first: int
+    policy: str
+    #: Folder for logs, results and pictures.
+    output: Path
+
+    def goal(self, index: int) -> RunEpisode.Goal:
+        """The request for episode ``index``, from 0."""
+        return RunEpisode.Goal(
+            seed=self.seed,
+            number=self.first + index,
+            width=self.width,
+            height=self.height,
+            density=self.density,
+        )
+
+
+def run(plan: RunPlan, console: Console) -> list[RunEpisode.Result]:
+    """Run the episodes and show them.
+
+    Raises:
+        ModelError: there is no such policy.
+        TeamError: a process ended, or an episode could not be run.
+        KeyboardInterrupt: interrupted; no process is left behind.
+    """
+    policy = find_policy(plan.policy)
+    names = [f"robot_{index:0{len(str(plan.robots - 1))}d}" for index in range(plan.robots)]
+    console.print(
+        f"[bold]{plan.robots} robots[/], one process each, carry [bold]{policy.name}[/] on {plan.width}x{plan.height} "
+        f"cells; they talk over ROS 2, on this machine only"
+    )
+    outcomes: list[EpisodeOutcome] = []
+    with own_domain() as domain:
+        environment = loopback(domain)
+        os.environ.update(environment)  # for the client, which is in this process
+        with TeamProcesses(TeamPlan(names, policy, plan.output / "logs", environment)) as team:
+            with EpisodeClient(team, domain) as client, _progress(console) as progress:
+                _run_episodes(plan, client, progress, outcomes)
+    results = [outcome.result for outcome in outcomes]
+    console.print(_table(plan, results))
+    _write(plan, policy.name, outcomes, console)
+    return results
+
+
+def _run_episodes(
+    plan: RunPlan, client: EpisodeClient, progress: Progress, outcomes: list[EpisodeOutcome]
+) -> None:
+    started = monotonic()
+    joining = progress.add_task("robots found each other", total=plan.robots)
+    running = progress.add_task("episode", total=None, visible=False)
+    client.wait_for_simulator()
+
+    def show(feedback: RunEpisode.Feedback) -> None:
+        if feedback.t_max == 0:
+            progress.update(joining, completed=feedback.joined)
+            return
+        if not progress.tasks[joining].finished:
+            progress.update(
+                joining, completed=plan.robots, description=f"team ready after {monotonic() - started:.1f} s"
+            )
+        progress.update(
+            running,
+            description=f"episode {len(outcomes) + 1} of {plan.episodes}, {feedback.arrived} of {feedback.robots} arrived",
+            completed=feedback.tick,
+            total=feedback.t_max,
+            visible=True,
+        )
+
+    for index in range(plan.episodes):
+        outcomes.append(client.run(plan.goal(index), show))
+        result = outcomes[-1].result
+        progress.console.print(
+            f"episode {index + 1}: {'complete' if result.success else 'not complete'} after {result.makespan} of "
+            f"{result.t_max} ticks, {result.ticks_per_second:.0f} ticks/s"
+        )
+    progress.update(running, visible=False)
+
+
+def _progress(console: Console) -> Progress:
+    columns = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()]
+    return Progress(SpinnerColumn(), *columns, console=console, transient=True)
+
+
+def _table(plan: RunPlan, results: list[RunEpisode.Result]) -> Table:
+    table = Table(
+        title=f"Cases {plan.first} to {plan.first + plan.episodes - 1} of seed {plan.seed}",
+        title_justify="left",
+    )
+    for heading in (
+        "case",
+        "complete",
+        "delta_FT",
+        "ticks",
+        "T_max",
+        "ticks/s",
+        "bytes/tick",
+        "blocked",
+        "missing",
+    ):
+        table.add_column(heading, justify="right")
+    for index, result in enumerate(results):
+        table.add_row(
+            str(plan.first + index),
+            "yes" if result.success else f"{result.p_rg:.0%} arrived",
+            f"{result.delta_ft:.1%}",
+            str(result.ticks),
+            str(result.t_max),
+            f"{result.ticks_per_second:.0f}",
+            f"{result.bytes_per_tick:.0f}",
+            str(result.moves_blocked),
+            str(result.features_missing),
+        )
+    count = len(results)
+    table.add_section()
+    table.add_row(
+        "all",
+        f"alpha {sum(r.success for r in results) / count:.2f}",
+        f"{sum(r.delta_ft for r in results) / count:.1%}",
+        f"{sum(r.ticks for r in results) / count:.0f}",
+        "",
+        f"{sum(r.ticks for r in results) / sum(r.ticks / r.ticks_per_second for r in results if r.ticks):.0f}"
+        if any(r.ticks for r in results)
+        else "",
+        f"{sum(r.bytes_per_tick for r in results) / count:.0f}",
+        f"{sum(r.moves_blocked for r in results)}",
+        f"{sum(r.features_missing for r in results)}",
+        style="bold",
+    )
+    return table
+
+
+def _write(plan: RunPlan, policy: str, outcomes: list[EpisodeOutcome], console: Console) -> None:
+    fields = RunEpisode.Result.get_fields_and_field_types()
+    results = [{name: getattr(outcome.result, name) for name in fields} for outcome in outcomes]
+    (plan.output / "results.json").write_text(json.dumps(results, indent=1) + "\n")
+    last = outcomes[-1].recording
+    record = EpisodeRecord(
+        obstacles=last.obstacles,
+        goals=last.goals,
+        positions=last.positions,
+        blocked=last.blocked,
+        title=f"{policy}, {plan.width}x{plan.height}, {plan.robots} robots",
+    )
+    picture, animation = plan.output / "episode.png", plan.output / "episode.gif"
+    save_picture(record, picture)
+    save_animation(record, animation)
+    console.print(f"The last episode: {picture} and {animation}; results and logs are beside them.")

@@ -1,0 +1,28 @@
+"""Parameters with a meaning and a range, fixed once the node runs."""
+
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.node import Node
+
+
+def declare_seconds(node: Node, name: str, default: float, meaning: str, at_least: float = 0.001) -> float:
+    """Declare a time in seconds, from ``at_least`` to an hour, and return its value."""
+    span = FloatingPointRange(from_value=at_least, to_value=3600.0)
+    return _declare(node, name, default, ParameterDescriptor(description=meaning, floating_point_range=[span]))
+
+
+def declare_count(node: Node, name: str, default: int, meaning: str, at_most: int) -> int:
+    """Declare a number from 1 to ``at_most`` and return its value."""
+    span = IntegerRange(from_value=1, to_value=at_most)
+    return _declare(node, name, default, ParameterDescriptor(description=meaning, integer_range=[span]))
+
+
+def declare_value(node: Node, name: str, default: Any, meaning: str) -> Any:
+    """Declare a parameter of the type of ``default`` and return its value."""
+    return _declare(node, name, default, ParameterDescriptor(description=meaning))
+
+
+def _declare(node: Node, name: str, default: Any, descriptor: ParameterDescriptor) -> Any:
+    descriptor.read_only = True
+    return node.declare_parameter(name, default, descriptor).value

@@ -1,0 +1,80 @@
+"""What the suites share: the settings of hypothesis, random worlds, networks that look trained."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import settings
+
+# The same examples in every run; `--hypothesis-profile=default` looks for new ones.
+settings.register_profile("repeatable", deadline=None, derandomize=True)
+settings.load_profile("repeatable")
+
+
+@pytest.fixture(scope="session")
+def random_case() -> Callable:
+    """Draws a world to move in. Unlike a drawn case, its goals need not be reachable."""
+    from magat_sim.case import Case
+
+    def draw(rng: np.random.Generator, width: int, height: int, robots: int, density: float = 0.2) -> Case:
+        obstacles = rng.random((height, width)) < density
+        obstacles[rng.integers(height), rng.integers(width)] = False
+        free = np.argwhere(~obstacles)[:, ::-1]
+        return Case(obstacles, rng.permutation(free)[:robots], rng.permutation(free)[:robots])
+
+    return draw
+
+
+@pytest.fixture(scope="session")
+def random_team(random_case: Callable) -> Callable:
+    """Draws a simulator of several worlds, and what its robots see and hear at the start."""
+    from magat_sim.episode import episode_streams
+    from magat_sim.simulator import Observation, Simulator
+
+    def draw(rng: np.random.Generator, *robots: int, side: int = 12) -> Observation:
+        cases = [random_case(rng, side, side, count) for count in robots]
+        streams = [episode_streams(7, number, case.robots) for number, case in enumerate(cases)]
+        return Simulator(cases, [10] * len(cases), streams).observe()
+
+    return draw
+
+
+@pytest.fixture(scope="session")
+def random_network() -> Callable:
+    """Makes a network that looks trained: normalisation that has seen data, attention that prefers someone."""
+    import torch
+    from magat_robot.policy.config import PolicyConfig
+    from magat_robot.policy.network import PolicyNetwork
+
+    def make(name: str = "MAGAT-F-16", seed: int = 0, **sizes: object) -> PolicyNetwork:
+        sizes = {"channels": (8, 8, 16), "hidden": 24} | sizes
+        generator = torch.Generator().manual_seed(seed)
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            network = PolicyNetwork(PolicyConfig(name, **sizes))
+        for module in network.modules():
+            if isinstance(module, torch.nn.BatchNorm2d):
+                module.running_mean.normal_(0, 0.2, generator=generator)
+                module.running_var.uniform_(0.3, 2.0, generator=generator)
+                torch.nn.init.uniform_(module.weight, 0.6, 1.6, generator=generator)
+                torch.nn.init.normal_(module.bias, 0, 0.2, generator=generator)
+        torch.nn.init.normal_(network.graph.query.weight, 0, 1.0, generator=generator)
+        torch.nn.init.normal_(network.action.weight, 0, 0.5, generator=generator)
+        return network
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def small_policy(random_network: Callable) -> Callable:
+    """A deployed random policy; each is made once."""
+    from magat_robot.policy.policy import Policy
+
+    made: dict[tuple, Policy] = {}
+
+    def policy(name: str = "MAGAT-F-16", seed: int = 0) -> Policy:
+        if (name, seed) not in made:
+            made[name, seed] = Policy(random_network(name, seed))
+        return made[name, seed]
+
+    return policy

@@ -17,8 +17,8 @@ setup: ## Install what is needed into .venv and build the workspace; does nothin
 	@$(PYTHON) tools/setup.py
 
 .PHONY: demo
-demo: setup ## Start a team of robots and watch it
-	@$(BIN)/magat run --demo
+demo: setup ## Run ten episodes with a team of robot processes (ARGS="--robots 20" changes it)
+	@$(BIN)/magat run --episodes 10 --require 8 $(ARGS)
 
 .PHONY: test
 test: setup ## Run the tests (ARGS="-k shield" passes options on to pytest)

@@ -41,26 +41,38 @@ def random_team(random_case: Callable) -> Callable:
 
 @pytest.fixture(scope="session")
 def random_network() -> Callable:
-    """Makes a network that looks trained: normalisation that has seen data, attention that prefers someone."""
+    """Makes a network that looks trained: its statistics are those of data, and every input makes a difference."""
     import torch
+
     from magat_robot.policy.config import PolicyConfig
     from magat_robot.policy.network import PolicyNetwork
 
     def make(name: str = "MAGAT-F-16", seed: int = 0, **sizes: object) -> PolicyNetwork:
-        sizes = {"channels": (8, 8, 16), "hidden": 24} | sizes
-        generator = torch.Generator().manual_seed(seed)
-        with torch.random.fork_rng(devices=[]):
+        with torch.random.fork_rng(devices=[]), torch.no_grad():
             torch.manual_seed(seed)
-            network = PolicyNetwork(PolicyConfig(name, **sizes))
-        for module in network.modules():
-            if isinstance(module, torch.nn.BatchNorm2d):
-                module.running_mean.normal_(0, 0.2, generator=generator)
-                module.running_var.uniform_(0.3, 2.0, generator=generator)
-                torch.nn.init.uniform_(module.weight, 0.6, 1.6, generator=generator)
-                torch.nn.init.normal_(module.bias, 0, 0.2, generator=generator)
-        torch.nn.init.normal_(network.graph.query.weight, 0, 1.0, generator=generator)
-        torch.nn.init.normal_(network.action.weight, 0, 0.5, generator=generator)
-        return network
+            network = PolicyNetwork(PolicyConfig(name, **({"channels": (8, 8, 16), "hidden": 24} | sizes)))
+            for module in network.modules():
+                if isinstance(module, torch.nn.BatchNorm2d):
+                    module.weight.uniform_(0.6, 1.6)
+                    module.bias.normal_(0, 0.4)
+            torch.nn.init.normal_(network.graph.query.weight, 0, 0.3)
+            views = (torch.rand(64, 3, 11, 11) < 0.2).float()
+            for _ in range(30):
+                network.extractor(views)
+            network.eval()
+            layers = (network.extractor.linear, network.reduction, network.hidden, network.action)
+            hooks = [layer.register_forward_pre_hook(spread_out) for layer in layers]
+            network(views, (torch.arange(64)[:, None] + torch.tensor([1, 2, 5])) % 64)
+            for hook in hooks:
+                hook.remove()
+            return network.requires_grad_(True)
+
+    def spread_out(layer: torch.nn.Linear, inputs: tuple[torch.Tensor]) -> None:
+        # As built, activations fade from layer to layer, and hardly anything would reach the decisions.
+        output = torch.nn.functional.linear(*inputs, layer.weight, layer.bias)
+        scale = 1.2 / output.std(0).clamp_min(1e-3)
+        layer.bias.sub_(output.mean(0)).mul_(scale).add_(0.3)
+        layer.weight.mul_(scale[:, None])
 
     return make
 

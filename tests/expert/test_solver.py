@@ -42,6 +42,9 @@ SOLVABLE = {
     "three reverse their order around a block": """
         .  .  .  .
         aC bB cA #""",
+    "two ways to one cell, one of them a swap": """
+        # a . #
+        B . A b""",
     "a full ring turns": """
         aD bA
         dC cB""",

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
+
 from magat_sim.case import Case
 from magat_sim.episode import episode_streams
 from magat_sim.simulator import Simulator
@@ -45,7 +46,9 @@ def judge() -> Callable:
 def arena() -> Callable:
     """A simulator of one world whose goals are far off the map, so that it runs for all its steps."""
 
-    def make(width: int, height: int, starts: Cells, obstacles: Cells = (), number: int = 0, t_max: int = 100) -> Simulator:
+    def make(
+        width: int, height: int, starts: Cells, obstacles: Cells = (), number: int = 0, t_max: int = 100
+    ) -> Simulator:
         grid = np.zeros((height, width), dtype=bool)
         for x, y in obstacles:
             grid[y, x] = True

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from magat_sim.case import InvalidCaseError, make_case
 
 # y = 2 . . .

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from magat_sim.case import Case, InvalidCaseError, draw_case, make_case
 
 
@@ -34,7 +35,10 @@ def reachable(obstacles: np.ndarray, start: tuple[int, int]) -> set[tuple[int, i
     ("size", "expected"),
     [
         ({}, "af7d406d7676ddd172dd2ddf9980f8bfd637fe92a13e22d0f58e505504f17a7b"),
-        ({"width": 7, "height": 5, "robots": 4, "density": 0.3}, "5bf5d83aa78475baf5a146ce84677e30c0415e080383166ea8724dde72660e12"),
+        (
+            {"width": 7, "height": 5, "robots": 4, "density": 0.3},
+            "5bf5d83aa78475baf5a146ce84677e30c0415e080383166ea8724dde72660e12",
+        ),
     ],
 )
 def test_every_machine_draws_the_same_case(size: dict, expected: str) -> None:

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+
 from magat_sim.case import Case
 from magat_sim.episode import episode_streams
 from magat_sim.grid import Primitive
@@ -13,7 +14,9 @@ IDLE, UP, DOWN, LEFT, RIGHT = Primitive
 BEST = Flowtime(4, 5)
 
 
-def played(starts: list, goals: list, t_max: int, wishes: list, best: Flowtime | None = BEST) -> EpisodeMeasures:
+def played(
+    starts: list, goals: list, t_max: int, wishes: list, best: Flowtime | None = BEST
+) -> EpisodeMeasures:
     """The measures after ``wishes``, which must last exactly until the world is done."""
     case = Case(np.zeros((2, 4), dtype=bool), np.array(starts), np.array(goals))
     simulator = Simulator([case], [t_max], [episode_streams(0, 0, len(starts))])
@@ -80,7 +83,12 @@ def test_a_team_that_starts_on_its_goals_is_done_before_the_first_step() -> None
     measures = played([(0, 0), (1, 1)], [(0, 0), (1, 1)], 0, [], Flowtime(0, 0))
     assert (measures.success, measures.success_strict, measures.p_rg) == (True, True, 1.0)
     assert measures.flowtime == Flowtime(0, 0)
-    assert (measures.makespan, measures.ticks, measures.delta_ft, measures.delta_ft_strict) == (0, 0, 0.0, 0.0)
+    assert (measures.makespan, measures.ticks, measures.delta_ft, measures.delta_ft_strict) == (
+        0,
+        0,
+        0.0,
+        0.0,
+    )
 
 
 def test_a_robot_that_starts_on_its_goal_has_visited_it_and_may_still_lose_it() -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from magat_sim.case import Case
 from magat_sim.field_of_view import CENTRE, GOAL, OBSTACLES, RADIUS, ROBOTS, SIZE, field_of_view, pad
 from magat_training import symmetry
@@ -58,7 +59,11 @@ def test_the_tensor_has_a_field_of_view_of_nine_cells_and_a_ring() -> None:
 
 @settings(max_examples=150)
 @given(
-    seed=seeds, width=st.integers(1, 16), height=st.integers(1, 16), robots=st.integers(1, 12), worlds=st.integers(1, 3)
+    seed=seeds,
+    width=st.integers(1, 16),
+    height=st.integers(1, 16),
+    robots=st.integers(1, 12),
+    worlds=st.integers(1, 3),
 )
 def test_tensors_are_those_of_the_definition(
     random_case, seed: int, width: int, height: int, robots: int, worlds: int
@@ -107,7 +112,10 @@ def test_turning_the_world_turns_what_each_robot_sees(random_case, seed: int, tu
     case = random_case(np.random.default_rng(seed), side, side, 9)
     turned = Case(
         symmetry.turn_arrays(case.obstacles, turn),
-        *((symmetry.turn_cells(2 * cells - (side - 1), turn) + side - 1) // 2 for cells in (case.starts, case.goals)),
+        *(
+            (symmetry.turn_cells(2 * cells - (side - 1), turn) + side - 1) // 2
+            for cells in (case.starts, case.goals)
+        ),
     )
     assert look([turned]).tolist() == symmetry.turn_arrays(look([case]), turn).tolist()
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from magat_sim.grid import DELTAS, Primitive, at, inside, primitives_between
 
 cell = st.tuples(st.integers(-5, 300), st.integers(-5, 300))

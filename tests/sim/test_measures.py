@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from magat_sim.measures import (
     T_MAX_FACTOR,
     EpisodeMeasures,

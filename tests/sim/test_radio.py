@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from magat_sim.radio import COMMUNICATION_RADIUS, neighbours
 
 
@@ -57,7 +58,8 @@ def test_the_radius_is_seven_cells_if_nothing_else_is_said() -> None:
 
 
 @pytest.mark.parametrize(
-    ("offset", "heard"), [((7, 0), True), ((0, -7), True), ((7, 1), False), ((5, 5), False), ((4, 5), True), ((8, 0), False)]
+    ("offset", "heard"),
+    [((7, 0), True), ((0, -7), True), ((7, 1), False), ((5, 5), False), ((4, 5), True), ((8, 0), False)],
 )
 def test_the_radius_is_euclidean_and_inclusive(offset: tuple[int, int], heard: bool) -> None:
     position = np.array([[10, 10], [10 + offset[0], 10 + offset[1]]])

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from magat_sim.episode import episode_streams
 from magat_sim.grid import Primitive
 from magat_sim.simulator import Simulator
@@ -60,9 +61,13 @@ def test_a_joint_move_without_conflicts_passes_unchanged(
         pytest.param([(0, 0), (1, 0), (1, 1), (0, 1)], [RIGHT, UP, LEFT, DOWN], id="four turn left"),
         pytest.param([(0, 0), (1, 0), (1, 1), (0, 1)], [UP, LEFT, DOWN, RIGHT], id="four turn right"),
         pytest.param(
-            [(0, 0), (1, 0), (2, 0), (2, 1), (1, 1), (0, 1)], [RIGHT, RIGHT, UP, LEFT, LEFT, DOWN], id="six go round"
+            [(0, 0), (1, 0), (2, 0), (2, 1), (1, 1), (0, 1)],
+            [RIGHT, RIGHT, UP, LEFT, LEFT, DOWN],
+            id="six go round",
         ),
-        pytest.param([(1, 1), (1, 2), (2, 2)], [RIGHT, DOWN, LEFT], id="each into the cell that another leaves"),
+        pytest.param(
+            [(1, 1), (1, 2), (2, 2)], [RIGHT, DOWN, LEFT], id="each into the cell that another leaves"
+        ),
     ],
 )
 def test_following_and_rotating_are_legal(arena: Callable, starts: list, wanted: list) -> None:
@@ -80,7 +85,8 @@ def test_two_that_would_swap_both_idle(arena: Callable, starts: list, wanted: li
 
 
 @pytest.mark.parametrize(
-    ("start", "wanted"), [((0, 1), LEFT), ((3, 1), RIGHT), ((1, 2), UP), ((1, 0), DOWN), ((1, 1), RIGHT), ((2, 2), DOWN)]
+    ("start", "wanted"),
+    [((0, 1), LEFT), ((3, 1), RIGHT), ((1, 2), UP), ((1, 0), DOWN), ((1, 1), RIGHT), ((2, 2), DOWN)],
 )
 def test_obstacles_and_the_edges_of_the_map_stop_a_robot(
     arena: Callable, start: tuple[int, int], wanted: Primitive
@@ -134,7 +140,13 @@ def test_a_cell_that_its_robot_leaves_goes_to_one_of_those_who_want_it(arena: Ca
 def test_who_waits_makes_everyone_behind_it_wait(arena: Callable) -> None:
     row = [(x, 0) for x in range(5)]
     assert arena(6, 1, row, obstacles=[(5, 0)]).step([RIGHT] * 5).moved.tolist() == [IDLE] * 5
-    assert arena(6, 1, row).step([RIGHT, RIGHT, IDLE, RIGHT, RIGHT]).moved.tolist() == [IDLE, IDLE, IDLE, RIGHT, RIGHT]
+    assert arena(6, 1, row).step([RIGHT, RIGHT, IDLE, RIGHT, RIGHT]).moved.tolist() == [
+        IDLE,
+        IDLE,
+        IDLE,
+        RIGHT,
+        RIGHT,
+    ]
     # The last two would swap; the three behind them cannot go on.
     assert arena(6, 1, row).step([RIGHT, RIGHT, RIGHT, RIGHT, LEFT]).moved.tolist() == [IDLE] * 5
 
@@ -143,7 +155,11 @@ def test_losing_a_contest_makes_everyone_behind_the_loser_wait(arena: Callable) 
     lost = set()
     for number in range(30):
         # Two rows of two meet at the free cell in the middle.
-        moved = arena(5, 1, [(0, 0), (1, 0), (3, 0), (4, 0)], number=number).step([RIGHT, RIGHT, LEFT, LEFT]).moved
+        moved = (
+            arena(5, 1, [(0, 0), (1, 0), (3, 0), (4, 0)], number=number)
+            .step([RIGHT, RIGHT, LEFT, LEFT])
+            .moved
+        )
         lost.add(tuple(moved.tolist()))
     assert lost == {(RIGHT, RIGHT, IDLE, IDLE), (IDLE, IDLE, LEFT, LEFT)}
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from magat_sim.case import Case
 from magat_sim.episode import episode_streams
 from magat_sim.grid import Primitive
@@ -37,7 +38,9 @@ def pushed_together(rng: np.random.Generator, random_case: Callable) -> Case:
 
 @settings(max_examples=40)
 @given(seed=st.integers(0, 2**32 - 1), worlds=st.integers(2, 6))
-def test_ragged_worlds_in_one_batch_go_as_each_goes_alone(random_case: Callable, seed: int, worlds: int) -> None:
+def test_ragged_worlds_in_one_batch_go_as_each_goes_alone(
+    random_case: Callable, seed: int, worlds: int
+) -> None:
     rng = np.random.default_rng(seed)
     cases = [pushed_together(rng, random_case) for _ in range(worlds)]
     t_max = rng.integers(0, 25, size=worlds).tolist()

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from magat_bringup import interruption
 from magat_bringup.environment import NoDomainError
 from magat_bringup.models import find_policy
 from magat_bringup.processes import TeamError
@@ -22,6 +23,7 @@ INTERRUPTED = 130
 def main(args: list[str] | None = None) -> int:
     """Run the command line ``args`` (that of the process if None); returns the exit status."""
     options = _parser().parse_args(args)
+    interruption.watch()
     console = Console(stderr=options.command != "run")
     try:
         return options.execute(options, console)

@@ -1,10 +1,10 @@
 """The client of the RunEpisode action: asks for episodes, follows them, and records the world as it goes by."""
 
-import signal
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass, field
-from types import FrameType, TracebackType
+from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -14,6 +14,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
+from magat_bringup import interruption
 from magat_bringup.processes import TeamError, TeamProcesses
 from magat_interfaces.action import RunEpisode
 from magat_interfaces.msg import World
@@ -74,9 +75,8 @@ class EpisodeClient:
     def __init__(self, team: TeamProcesses, domain: int) -> None:
         """Join ROS domain ``domain``; ``team`` is watched while waiting."""
         self._team = team
-        self._interrupted = False
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._interrupt)
+        self._deferred = ExitStack()
+        self._deferred.enter_context(interruption.deferred())
         self._context = rclpy.Context()
         rclpy.init(args=[], context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
         self.node = rclpy.create_node("episode_client", context=self._context)
@@ -138,17 +138,12 @@ class EpisodeClient:
         """
         deadline = time.monotonic() + timeout
         while not until():
-            if self._interrupted:
-                raise KeyboardInterrupt
+            interruption.check()
             if time.monotonic() > deadline:
                 return False
             self._team.check()
             self._executor.spin_once(timeout_sec=0.1)
         return True
-
-    def _interrupt(self, _: int, __: FrameType | None) -> None:
-        # An exception raised in the middle of a callback would surface as an error of that callback.
-        self._interrupted = True
 
     def __enter__(self) -> Self:
         return self
@@ -156,8 +151,7 @@ class EpisodeClient:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        self._deferred.close()
         self._executor.remove_node(self.node)
         self.node.destroy_node()
         self._context.try_shutdown()

@@ -1,7 +1,7 @@
 """One recorded episode to look at: `save_picture` draws all of it at once, `save_animation` plays it.
 
-Cells are ``(x, y)``, x to the right, y up, in both. Every colour is a tint of one of a few inks on white paper, which is
-also what lets the animation do with one palette.
+Cells are ``(x, y)``, x to the right, y up, in both. Every colour is a tint of one of a few inks on white
+paper; that is also how the animation can do with one palette.
 """
 
 from collections import defaultdict
@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -42,6 +43,11 @@ def _tint(ink: str, strength: float) -> str:
     return f"#{red:02x}{green:02x}{blue:02x}"
 
 
+def _glaze(ink: str, strength: float) -> str:
+    """``ink`` that lets through what it is painted on, from 0 (nothing but that) to 1 (the ink itself)."""
+    return f"{ink}{round(255 * strength):02x}"
+
+
 def _colour(robot: int) -> str:
     return _ROBOTS[robot % len(_ROBOTS)]
 
@@ -67,26 +73,24 @@ class EpisodeRecord:
 
     def __post_init__(self) -> None:
         """Check that the arrays are of one episode."""
-        if self.obstacles.ndim != 2 or self.obstacles.size == 0:
+        grid, goals, positions, blocked = (
+            a.shape for a in (self.obstacles, self.goals, self.positions, self.blocked)
+        )
+        if len(grid) != 2 or 0 in grid:
+            raise ValueError(f"obstacles have shape {grid}: give a non-empty [height, width] array")
+        if len(goals) != 2 or goals[1] != 2 or goals[0] == 0:
+            raise ValueError(f"goals have shape {goals}: give [N, 2] cells (x, y), N at least 1")
+        if len(positions) != 3 or positions[0] == 0 or positions[1:] != goals:
             raise ValueError(
-                f"obstacles have shape {self.obstacles.shape}: give a non-empty [height, width] array"
+                f"positions have shape {positions}: give [T + 1, N, 2], with N = {goals[0]} as in goals"
             )
-        if self.goals.ndim != 2 or self.goals.shape[1] != 2 or len(self.goals) == 0:
-            raise ValueError(f"goals have shape {self.goals.shape}: give [N, 2] cells (x, y), N at least 1")
-        shape = self.positions.shape
-        if len(shape) != 3 or shape[0] == 0 or shape[1:] != self.goals.shape:
+        if blocked != (positions[0] - 1, positions[1]):
             raise ValueError(
-                f"positions have shape {shape}: with {self.robots} goals, give [T + 1, {self.robots}, 2]"
-            )
-        if self.blocked.shape != (self.steps, self.robots):
-            raise ValueError(
-                f"blocked has shape {self.blocked.shape}: positions of {self.robots} robots at {shape[0]} instants "
-                f"need ({self.steps}, {self.robots})"
+                f"blocked has shape {blocked}: give [T, N], one instant less than positions {positions}"
             )
         for what, cells in (("goals", self.goals), ("positions", self.positions)):
-            if not inside(self.obstacles.shape, cells).all():
-                height, width = self.obstacles.shape
-                raise ValueError(f"{what} leave the {width}x{height} map")
+            if not inside(grid, cells).all():
+                raise ValueError(f"{what} leave the map, which is {grid[1]} wide and {grid[0]} high")
 
     @property
     def robots(self) -> int:
@@ -105,7 +109,7 @@ class EpisodeRecord:
 
     @cached_property
     def links(self) -> list[IntArray]:
-        """``[T + 1]`` arrays ``[L, 2]``: the pairs of robots, the lower number first, that hear each other."""
+        """``[T + 1]`` arrays ``[L, 2]``: the pairs of robots that hear each other, the lower number first."""
         together = np.zeros(self.robots, dtype=np.int64)
         found = []
         for position in self.positions:
@@ -121,16 +125,19 @@ class EpisodeRecord:
         return f"{arrived} after {self.steps} steps, {self.blocked.sum()} moves blocked"
 
 
-# --- The picture. Lengths are inches of paper, points (1/72 inch) for lines and letters, cells on the map. ---
+# --- The picture: inches on the sheet, cells on the map, points (1/72 inch) for lines and letters ---
+
+#: Of more robots than this, marks are not enlarged to make room for numbers.
+_FEW = 40
 
 
 def save_picture(record: EpisodeRecord, path: Path, links_at: int | None = None) -> None:
-    """Draw the whole episode: the paths from start to goal, the links of one instant, and how it went over time.
+    """Draw the whole episode: paths from start to goal, the links of one instant, and how it went over time.
 
     Args:
         record: the episode.
         path: PNG file to write.
-        links_at: instant, 0 to T, at which the communication links are drawn; the one with most links if None.
+        links_at: instant, 0 to T, whose communication links are drawn; the one with most links if None.
 
     Raises:
         ValueError: the episode has no instant ``links_at``.
@@ -158,22 +165,14 @@ def save_picture(record: EpisodeRecord, path: Path, links_at: int | None = None)
     blocked = place(left, bottom, inner, strip)
     _draw_strips(arrived, blocked, record, instant)
     figure.legend(
-        handles=_legend(record, instant),
-        loc="center left",
-        bbox_to_anchor=((left - 0.08) / sheet[0], (base - 0.42) / sheet[1]),
-        ncols=5,
-        fontsize=8,
-        frameon=False,
-        labelcolor=_tint(_INK, 0.85),
-        columnspacing=1.4,
-        handletextpad=0.5,
-        borderpad=0,
-    )
-    top = base + height * cell
-    figure.text(
-        left / sheet[0], (top + 0.42) / sheet[1], record.title, fontsize=13, weight="bold", color=_INK
-    )
-    figure.text(left / sheet[0], (top + 0.18) / sheet[1], record.outcome, fontsize=9, color=_tint(_INK, 0.75))
+        handles=_legend(record, instant), loc="center left", ncols=5, fontsize=8,
+        bbox_to_anchor=((left - 0.08) / sheet[0], (base - 0.42) / sheet[1]), labelcolor=_tint(_INK, 0.85),
+        frameon=False, columnspacing=1.4, handletextpad=0.5, borderpad=0,
+    )  # fmt: skip
+    x, top = left / sheet[0], base + height * cell
+    title = figure.text(x, (top + 0.42) / sheet[1], record.title, fontsize=13, weight="bold", color=_INK)
+    title.set_parse_math(False)
+    figure.text(x, (top + 0.18) / sheet[1], record.outcome, fontsize=9, color=_tint(_INK, 0.75))
     figure.savefig(path, format="png", dpi=200)
 
 
@@ -187,14 +186,11 @@ def _draw_map(board: Axes, record: EpisodeRecord, cell: float) -> None:
         spine.set(color=_tint(_INK, 0.35), linewidth=0.8)
     rows = [[(-0.5, y), (width - 0.5, y)] for y in np.arange(height - 1) + 0.5]
     columns = [[(x, -0.5), (x, height - 0.5)] for x in np.arange(width - 1) + 0.5]
-    board.add_collection(
-        LineCollection(rows + columns, colors=_tint(_INK, 0.09), linewidths=min(0.6, 2 * cell), zorder=0)
-    )
+    grid = LineCollection(rows + columns, colors=_tint(_INK, 0.09), linewidths=min(0.6, 2 * cell), zorder=0)
+    board.add_collection(grid)
     y, x = np.nonzero(record.obstacles)
     if len(x):
-        block = patches.FancyBboxPatch(
-            (-0.44, -0.44), 0.88, 0.88, "round,pad=0,rounding_size=0.16"
-        ).get_path()
+        block = _square((0.0, 0.0), 0.44, 0.16).get_path()
         blocks = [Outline(block.vertices + corner, block.codes) for corner in np.stack([x, y], axis=1)]
         board.add_patch(patches.PathPatch(Outline.make_compound_path(*blocks), fc=_INK, lw=0, zorder=1))
 
@@ -203,41 +199,33 @@ def _every(cells: int) -> int:
     return 1 if cells <= 6 else 5 if cells <= 40 else 10
 
 
+def _square(centre: tuple[float, float], half: float, rounding: float) -> patches.FancyBboxPatch:
+    x, y = centre
+    style = f"round,pad=0,rounding_size={rounding}"
+    return patches.FancyBboxPatch((x - half, y - half), 2 * half, 2 * half, style)
+
+
 def _draw_links(board: Axes, record: EpisodeRecord, cell: float, instant: int) -> None:
-    lane = record.positions[instant] + _lanes(record)
-    width = min(0.9, 4 * cell)
+    ends = (record.positions[instant] + _lanes(record))[record.links[instant]]
     board.add_collection(
-        LineCollection(lane[record.links[instant]], colors=_INK, alpha=0.28, linewidths=width, zorder=2)
+        LineCollection(ends, colors=_INK, alpha=0.28, linewidths=min(0.9, 4 * cell), zorder=2)
     )
 
 
 def _draw_paths(board: Axes, record: EpisodeRecord, cell: float, instant: int) -> None:
-    width = min(2.4, 8.5 * cell)
-    lanes = _lanes(record)
-    for robot in range(record.robots):
-        line = _smooth(record.positions[:, robot], lanes[robot])
-        casing = _tint(_INK, 0.0)
-        for colour, extra, order in ((casing, 0.7 * width, 0.0), (_colour(robot), 0.0, 0.001)):
-            board.add_patch(
-                patches.PathPatch(
-                    line, fc="none", ec=colour, lw=width + extra, zorder=3 + robot * 0.002 + order,
-                    capstyle="round", joinstyle="round",
-                )
-            )  # fmt: skip
+    width, lanes = min(2.4, 8.5 * cell), _lanes(record)
     here = record.positions[instant] + lanes
-    board.scatter(
-        here[:, 0],
-        here[:, 1],
-        s=(3.2 * width) ** 2,
-        c=[_colour(robot) for robot in range(record.robots)],
-        edgecolors="white",
-        linewidths=0.4 * width,
-        zorder=5,
-    )
+    for robot in range(record.robots):
+        line, order = _smooth(record.positions[:, robot], lanes[robot]), 3 + robot / record.robots
+        look: dict[str, Any] = {"fc": "none", "capstyle": "round", "joinstyle": "round", "zorder": order}
+        board.add_patch(patches.PathPatch(line, ec="white", lw=1.7 * width, **look))
+        board.add_patch(patches.PathPatch(line, ec=_colour(robot), lw=width, **look))
+        dot: dict[str, Any] = {"markersize": 3.2 * width, "markeredgewidth": 0.4 * width, "zorder": 5.0}
+        board.plot(*here[robot], "o", color=_colour(robot), markeredgecolor="white", **dot)
 
 
 def _lanes(record: EpisodeRecord) -> FloatArray:
-    """``[N, 2]`` how far beside the middle of the cells each robot's path runs, so that paths do not hide each other."""
+    """``[N, 2]`` how far beside the middle of the cells each path runs, so that none hides another."""
     beside = 0.5 * ((np.arange(record.robots) + 0.5) / record.robots - 0.5)
     return np.stack([beside, beside], axis=1)
 
@@ -249,67 +237,46 @@ def _smooth(cells: IntArray, lane: FloatArray) -> Outline:
     corners = np.concatenate([cells[:1], cells[moved] + lane, cells[-1:]])
     vertices, codes = [corners[0]], [Outline.MOVETO]
     for before, corner, after in zip(corners[:-2], corners[1:-1], corners[2:], strict=True):
-        turns_back = np.allclose(before, after)
-        vertices += (
-            [corner]
-            if turns_back
-            else [corner + 0.35 * (before - corner), corner, corner + 0.35 * (after - corner)]
-        )
-        codes += [Outline.LINETO] if turns_back else [Outline.LINETO, Outline.CURVE3, Outline.CURVE3]
+        if np.allclose(before, after):  # it turns back: there is no corner to round
+            vertices.append(corner)
+            codes.append(Outline.LINETO)
+        else:
+            vertices += [corner + 0.35 * (before - corner), corner, corner + 0.35 * (after - corner)]
+            codes += [Outline.LINETO, Outline.CURVE3, Outline.CURVE3]
     return Outline([*vertices, corners[-1]], [*codes, Outline.LINETO])
 
 
 def _draw_marks(board: Axes, record: EpisodeRecord, cell: float) -> None:
-    """Starts, goals, and the last positions of those that missed them; where several share a cell, small beside each other."""
-    marks: dict[tuple[int, int], list[tuple[str, int]]] = defaultdict(list)
-    for robot in range(record.robots):
-        marks[tuple(record.positions[0, robot].tolist())].append(("start", robot))
-        marks[tuple(record.goals[robot].tolist())].append(
-            ("reached" if record.on_goal[-1, robot] else "missed", robot)
-        )
-        if not record.on_goal[-1, robot]:
-            marks[tuple(record.positions[-1, robot].tolist())].append(("last", robot))
-    beside = {
-        1: [(0.0, 0.0)],
-        2: [(-0.2, 0.2), (0.2, -0.2)],
-        3: [(-0.22, 0.22), (0.22, -0.22), (-0.22, -0.22)],
-    }
+    """Starts, goals, and where those that missed them ended; several in one cell are small, side by side."""
+    marks: dict[tuple[int, ...], list[tuple[str, int]]] = defaultdict(list)
+    for robot, reached in enumerate(record.on_goal[-1]):
+        start, goal, last = record.positions[0, robot], record.goals[robot], record.positions[-1, robot]
+        marks[tuple(start.tolist())].append(("start", robot))
+        marks[tuple(goal.tolist())].append(("reached" if reached else "missed", robot))
+        if not reached:
+            marks[tuple(last.tolist())].append(("last", robot))
+    enlarged = max(1.0, 0.2 / cell) if record.robots <= _FEW else 1.0
     for (x, y), group in marks.items():
-        size = {1: 1.0, 2: 0.66, 3: 0.58}[len(group)]
-        for (dx, dy), (kind, robot) in zip(beside[len(group)], group, strict=True):
-            _draw_mark(board, cell, (x + dx, y + dy), size, kind, robot)
+        size = enlarged * (1.0, 0.66, 0.58)[len(group) - 1]
+        aside = enlarged * (0.0, 0.2, 0.22)[len(group) - 1]
+        for (dx, dy), (kind, robot) in zip(((-1, 1), (1, -1), (-1, -1)), group, strict=False):
+            _draw_mark(board, (x + aside * dx, y + aside * dy), size, cell, kind, robot)
 
 
 def _draw_mark(
-    board: Axes, cell: float, centre: tuple[float, float], size: float, kind: str, robot: int
+    board: Axes, centre: tuple[float, float], size: float, cell: float, kind: str, robot: int
 ) -> None:
-    x, y = centre
-    half = 0.36 * size
     solid = kind in ("reached", "last")
-    shape = (
-        patches.Circle((x, y), half)
-        if kind in ("start", "last")
-        else patches.FancyBboxPatch(
-            (x - half, y - half), 2 * half, 2 * half, f"round,pad=0,rounding_size={0.1 * size}"
-        )
-    )
-    shape.set(fc=_colour(robot) if solid else "white", ec="white" if solid else _colour(robot), zorder=6)
-    shape.set_linewidth(min(1.6, 6 * cell) * (0.6 if solid else 1.0))
+    fill, edge = (_colour(robot), "white") if solid else ("white", _colour(robot))
+    round_one = kind in ("start", "last")
+    shape = patches.Circle(centre, 0.36 * size) if round_one else _square(centre, 0.36 * size, 0.1 * size)
+    shape.set(fc=fill, ec=edge, lw=min(1.6, 6 * cell) * (0.6 if solid else 1.0), zorder=6)
     board.add_patch(shape)
-    letters = 26 * cell * size
-    if cell >= 0.2:
-        colour = "white" if solid else _colour(robot)
-        board.text(
-            x,
-            y,
-            str(robot),
-            size=letters,
-            color=colour,
-            weight="bold",
-            ha="center",
-            va="center_baseline",
-            zorder=7,
-        )
+    if cell * size >= 0.11:
+        number = str(robot)
+        letters = 26 * cell * size * min(1.0, 2 / len(number))
+        look: dict[str, Any] = {"ha": "center", "va": "center_baseline", "weight": "bold", "zorder": 7}
+        board.text(*centre, number, size=letters, color=edge, **look)
 
 
 def _draw_strips(arrived: Axes, blocked: Axes, record: EpisodeRecord, instant: int) -> None:
@@ -317,51 +284,37 @@ def _draw_strips(arrived: Axes, blocked: Axes, record: EpisodeRecord, instant: i
     arrived.stairs(count, np.arange(record.steps + 2) - 0.5, fill=True, color=_tint(_ROBOTS[2], 0.3))
     arrived.stairs(count, np.arange(record.steps + 2) - 0.5, color=_ROBOTS[2], linewidth=1.2, baseline=None)
     blocked.stairs(stopped, np.arange(record.steps + 1), fill=True, color=_tint(_ALARM, 0.75))
-    most = int(stopped.max(initial=0))
-    for axes, title, top in (
-        (arrived, "Robots at goal", record.robots),
-        (blocked, "Blocked moves", max(most, 1)),
-    ):
+    most = max(1, int(stopped.max(initial=0)))
+    for axes, title, top in ((arrived, "Robots at goal", record.robots), (blocked, "Blocked moves", most)):
         axes.set_title(title, loc="left", fontsize=8, color=_tint(_INK, 0.85), pad=4)
         axes.set(xlim=(-0.5, record.steps + 0.5), ylim=(0, 1.08 * top), yticks=[0, top])
         axes.axvline(instant, color=_tint(_INK, 0.6), linewidth=0.8, linestyle=(0, (3, 2)))
         axes.tick_params(length=2, labelsize=7, color=_tint(_INK, 0.35), labelcolor=_tint(_INK, 0.7), pad=2)
         axes.spines[["top", "right"]].set_visible(False)
         axes.spines[["left", "bottom"]].set(color=_tint(_INK, 0.35), linewidth=0.8)
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=12))
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=12, min_n_ticks=1))
     arrived.tick_params(labelbottom=False)
     blocked.set_xlabel("step", fontsize=8, color=_tint(_INK, 0.7), labelpad=1)
 
 
 def _legend(record: EpisodeRecord, instant: int) -> list[Line2D]:
-    def mark(shape: str, solid: bool, label: str) -> Line2D:
-        ink = _tint(_INK, 0.75)
-        return Line2D(
-            [],
-            [],
-            linestyle="none",
-            marker=shape,
-            ms=7,
-            mec=ink,
-            mfc=ink if solid else "white",
-            mew=1.3,
-            label=label,
-        )
+    ink = _tint(_INK, 0.75)
 
-    entries = [mark("o", False, "start")]
+    def mark(shape: str, fill: str, label: str) -> Line2D:
+        return Line2D([], [], ls="none", marker=shape, ms=7, mec=ink, mfc=fill, mew=1.3, label=label)
+
+    entries = [mark("o", "white", "start")]
     if record.on_goal[-1].any():
-        entries.append(mark("s", True, "goal, reached"))
+        entries.append(mark("s", ink, "goal, reached"))
     if not record.on_goal[-1].all():
-        entries += [mark("s", False, "goal, missed"), mark("o", True, "last position")]
-    if len(record.links[instant]):
-        label = (
-            f"in range ({COMMUNICATION_RADIUS:g} cells) at step {instant}: {len(record.links[instant])} links"
-        )
+        entries += [mark("s", "white", "goal, missed"), mark("o", ink, "last position")]
+    if links := len(record.links[instant]):
+        label = f"in range ({COMMUNICATION_RADIUS:g} cells) at step {instant}: {links} links"
         entries.append(Line2D([], [], color=_INK, alpha=0.4, lw=1, marker="o", ms=4, mew=0, label=label))
     return entries
 
 
-# --- The animation. Lengths are pixels of the drawing, which is made at twice the size and then shrunk. ---
+# --- The animation: pixels of a drawing that is made at twice its size and then shrunk ---
 
 _FINER = 2
 _FRAMES_PER_STEP = 4
@@ -393,19 +346,11 @@ def save_animation(
                 on_frame(number, count)
 
     sequence = frames()
-    durations = [_FRAME_MS] * count
-    durations[0] = _FIRST_MS
-    durations[-1] = _LAST_MS
+    durations = [_FIRST_MS, *[_FRAME_MS] * (count - 2), _LAST_MS][-count:]
     next(sequence).save(
-        path,
-        format="GIF",
-        save_all=True,
-        append_images=sequence,
-        duration=durations,
-        loop=0,
-        optimize=True,
-        transparency=_UNCHANGED,
-    )
+        path, format="GIF", save_all=True, append_images=sequence, duration=durations, loop=0,
+        optimize=True, transparency=_UNCHANGED,
+    )  # fmt: skip
 
 
 class _Stage:
@@ -414,12 +359,13 @@ class _Stage:
     def __init__(self, record: EpisodeRecord) -> None:
         self.record = record
         height, width = record.obstacles.shape
-        self.cell = _FINER * max(2, min(48, 580 // max(width, height)))
+        self.cell = _FINER * max(2, min(48, round(585 / max(width, height))))
         margin, header, footer = _FINER * 16, _FINER * 44, _FINER * 44
         across = max(width * self.cell + 2 * margin, _FINER * 380)
         self.size = (across, header + height * self.cell + footer)
         self.left, self.top = (across - width * self.cell) // 2, header
         self.edges = (margin, across - margin)
+        self.bar = (self.size[1] - _FINER * 5, self.size[1] - _FINER * 2)
         self.numbered = self.cell >= _FINER * 16
         self.palette = _palette()
         self.links = [set(map(tuple, pairs.tolist())) for pairs in record.links]
@@ -435,12 +381,10 @@ class _Stage:
         before, after = int(time), min(int(time) + 1, record.steps)
         place = self._pixels(self._positions(time))
         image = self._background(before).copy()
-        draw = ImageDraw.Draw(image)
+        draw = ImageDraw.Draw(image, "RGBA")  # links and rings are translucent
         left, right = self.edges
         done = left + (right - left) * (time / record.steps if record.steps else 1.0)
-        draw.rectangle(
-            (left, self.size[1] - _FINER * 5, done, self.size[1] - _FINER * 2), fill=_tint(_INK, 0.6)
-        )
+        draw.rectangle((left, self.bar[0], done, self.bar[1]), fill=_tint(_INK, 0.6))
         self._draw_trails(draw, time)
         settled = record.on_goal[before] & record.on_goal[after]
         for robot in np.flatnonzero(~settled).tolist():
@@ -458,11 +402,8 @@ class _Stage:
 
     def _pixels(self, cells: npt.ArrayLike) -> FloatArray:
         """The pixels ``[..., 2]``, y down, in the middle of ``cells`` ``[..., 2]``, y up."""
-        x, y = np.moveaxis(np.asarray(cells, dtype=np.float64), -1, 0)
-        height = len(self.record.obstacles)
-        return np.stack(
-            [self.left + (x + 0.5) * self.cell, self.top + (height - y - 0.5) * self.cell], axis=-1
-        )
+        origin = (self.left + 0.5 * self.cell, self.top + (len(self.record.obstacles) - 0.5) * self.cell)
+        return origin + np.asarray(cells) * (self.cell, -self.cell)
 
     def _background(self, step: int) -> Image.Image:
         """What stays for the whole of ``step``: the map and the texts."""
@@ -489,14 +430,11 @@ class _Stage:
             draw.line([(x, self.top), (x, bottom)], fill=_tint(_INK, 0.1), width=_FINER)
         for y in range(self.top, bottom + 1, self.cell):
             draw.line([(self.left, y), (right, y)], fill=_tint(_INK, 0.1), width=_FINER)
-        draw.rectangle(
-            (self.left - 1, self.top - 1, right + 1, bottom + 1), outline=_tint(_INK, 0.35), width=_FINER
-        )
-        y, x = np.nonzero(self.record.obstacles)
-        for centre in self._pixels(np.stack([x, y], axis=1)):
+        frame = (self.left - 1, self.top - 1, right + 1, bottom + 1)
+        draw.rectangle(frame, outline=_tint(_INK, 0.35), width=_FINER)
+        for centre in self._pixels(np.argwhere(self.record.obstacles)[:, ::-1]):
             draw.rounded_rectangle(_box(centre, 0.45 * self.cell), 0.16 * self.cell, fill=_INK)
-        track = (self.edges[0], self.size[1] - _FINER * 5, self.edges[1], self.size[1] - _FINER * 2)
-        draw.rectangle(track, fill=_tint(_INK, 0.1))
+        draw.rectangle((self.edges[0], self.bar[0], self.edges[1], self.bar[1]), fill=_tint(_INK, 0.1))
         title = self._fit(self.record.title, self.edges[1] - self.edges[0] - _FINER * 105)
         draw.text((self.edges[0], self.top / 2), title, fill=_INK, font=_font(_FINER * 14), anchor="lm")
         return image
@@ -510,33 +448,34 @@ class _Stage:
         return f"{text}…"
 
     def _sprite(self, robot: int, kind: str) -> Image.Image:
-        """A mark on transparent ground: a hollow square ("goal"), a disc ("moving"), a checked square ("settled")."""
+        """A mark on nothing: a hollow square ("goal"), a disc ("moving"), a checked square ("settled")."""
         cell = 4 * self.cell  # shrunk to a quarter below, for smooth edges wherever it is pasted
         side = 4 * round(1.2 * self.cell)
         image = Image.new("RGBA", (side, side))
         draw = ImageDraw.Draw(image)
-        centre, colour = np.array([side / 2, side / 2]), _colour(robot)
+        centre, colour, number = np.array([side / 2, side / 2]), _colour(robot), str(robot)
         if kind == "moving":
             draw.ellipse(_box(centre, 0.44 * cell), fill="white")
             draw.ellipse(_box(centre, 0.39 * cell), fill=colour)
         elif kind == "settled":
             draw.rounded_rectangle(_box(centre, 0.43 * cell), 0.16 * cell, fill=colour)
         else:
-            fill, width = _tint(colour, 0.12), round(0.07 * cell)
-            draw.rounded_rectangle(
-                _box(centre, 0.38 * cell), 0.14 * cell, fill=fill, outline=colour, width=width
-            )
+            look = {
+                "fill": _tint(colour, 0.12),
+                "outline": colour,
+                "width": max(round(0.07 * cell), 4 * _FINER),
+            }
+            draw.rounded_rectangle(_box(centre, 0.38 * cell), 0.14 * cell, **look)
         if self.numbered:
-            fill = colour if kind == "goal" else "white"
-            draw.text(tuple(centre), str(robot), fill=fill, font=_font(0.42 * cell), anchor="mm")
+            font = _font(0.42 * cell * min(1.0, 2 / len(number)))
+            draw.text(
+                tuple(centre), number, fill=colour if kind == "goal" else "white", font=font, anchor="mm"
+            )
         if self.numbered and kind == "settled":
-            badge = centre + (0.36 * cell, -0.36 * cell)
+            badge = centre + np.array([0.36, -0.36]) * cell
             draw.ellipse(_box(badge, 0.22 * cell), fill="white")
-            check = [
-                tuple(badge + 0.11 * cell * np.array(corner))
-                for corner in ((-1, 0), (-0.3, 0.75), (1.0, -0.8))
-            ]
-            draw.line(check, fill=colour, width=round(0.09 * cell), joint="curve")
+            check = badge + 0.11 * cell * np.array([(-1, 0), (-0.3, 0.75), (1, -0.8)])
+            draw.line(check.ravel().tolist(), fill=colour, width=round(0.09 * cell), joint="curve")
         return image.reduce(4)
 
     def _draw_trails(self, draw: ImageDraw.ImageDraw, time: float) -> None:
@@ -548,10 +487,8 @@ class _Stage:
             start, end = corners[piece : piece + 2]
             wide, wider = 0.2 * self.cell * fresh[piece], 0.2 * self.cell * fresh[piece + 1]
             for robot in np.flatnonzero((start != end).any(axis=1)).tolist():
-                a, b = start[robot], end[robot]
-                along = (b - a) / np.abs(b - a).max()
-                side = np.array([-along[1], along[0]])
-                fill = _tint(_colour(robot), 0.5 * fresh[piece + 1])
+                a, b, fill = start[robot], end[robot], _tint(_colour(robot), 0.5 * fresh[piece + 1])
+                side = (b - a)[::-1] * (-1, 1) / np.abs(b - a).max()
                 draw.polygon(
                     [*a + wide * side, *b + wider * side, *b - wider * side, *a - wide * side], fill=fill
                 )
@@ -564,14 +501,14 @@ class _Stage:
         width = max(2, round(0.04 * self.cell))
         for pair in self.links[before] | self.links[after]:
             strength = (pair in self.links[before]) * (1 - fraction) + (pair in self.links[after]) * fraction
-            draw.line([tuple(place[robot]) for robot in pair], fill=_tint(_INK, 0.3 * strength), width=width)
+            draw.line([tuple(place[robot]) for robot in pair], fill=_glaze(_INK, 0.3 * strength), width=width)
 
     def _draw_rings(self, draw: ImageDraw.ImageDraw, place: FloatArray, time: float) -> None:
         for step in range(max(0, int(time) - _RING + 1), min(int(time) + 1, self.record.steps)):
             age = (time - step) / _RING
             for robot in np.flatnonzero(self.record.blocked[step]):
                 box = _box(place[robot], (0.44 + 0.16 * age) * self.cell)
-                draw.ellipse(box, outline=_tint(_ALARM, 1 - age), width=max(_FINER, round(0.09 * self.cell)))
+                draw.ellipse(box, outline=_glaze(_ALARM, 1 - age), width=max(_FINER, round(0.09 * self.cell)))
 
 
 def _box(centre: FloatArray, half: float) -> tuple[float, float, float, float]:
@@ -590,8 +527,9 @@ def _font(size: float) -> ImageFont.FreeTypeFont:
 
 
 def _palette() -> Image.Image:
-    """An image whose palette is 18 tints of each ink and white; none of its colours needs the last entry."""
-    tints = [_tint(ink, level / 18) for ink in (_INK, _ALARM, *_ROBOTS) for level in range(1, 19)]
+    """An image whose palette is tints of each ink, and white; none of its colours needs the last entry."""
+    levels = {_INK: 24} | dict.fromkeys((_ALARM, *_ROBOTS), 17)
+    tints = [_tint(ink, level / count) for ink, count in levels.items() for level in range(1, count + 1)]
     colours = [ImageColor.getrgb(tint) for tint in tints]
     white = [(255, 255, 255)] * (256 - len(colours))
     palette = Image.new("P", (1, 1))

@@ -33,6 +33,8 @@ class TeamPlan:
     logs: Path
     #: Environment variables besides this process's own.
     environment: Mapping[str, str]
+    #: How long an episode waits for robots that are missing, seconds.
+    ready_timeout: float = 60.0
 
 
 class TeamProcesses:
@@ -54,7 +56,8 @@ class TeamProcesses:
         size = ["-p", f"team_size:={len(plan.robots)}"]
         robots = ["magat_robot.processes", *plan.robots, "--ros-args", "-p", f"policy:={plan.policy}", *size]
         self._start("robots", robots)
-        self._start("simulator", ["magat_sim.node", "--ros-args", "-p", f"robots:=[{','.join(plan.robots)}]"])
+        roster = ["-p", f"robots:=[{','.join(plan.robots)}]", "-p", f"ready_timeout:={plan.ready_timeout:f}"]
+        self._start("simulator", ["magat_sim.node", "--ros-args", *roster])
         self._start("expert", ["magat_expert.node"])
 
     def _start(self, name: str, module: list[str]) -> None:

@@ -1,16 +1,15 @@
 """The expert as a ROS 2 service. It only translates between `SolveMapf` and `magat_expert.solve`."""
 
+import sys
 from concurrent.futures import ThreadPoolExecutor, wait
 
 import numpy as np
-import rclpy
-from magat_interfaces.srv import SolveMapf
-from rclpy.executors import ExternalShutdownException
-from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 
 from magat_expert.instance import InvalidInstanceError
 from magat_expert.solver import Solution, SolveStatus, StopFlag, solve
+from magat_interfaces.srv import SolveMapf
+from magat_node.run import run_node, told_to_end
 
 _STATUS = {
     SolveStatus.SOLVED: SolveMapf.Response.SOLVED,
@@ -42,26 +41,22 @@ class ExpertNode(Node):
             self.get_logger().warning(f"refused a request: {error}")
             return response
         fill_response(response, solution, request)
-        if self.context.ok():  # else the log has no publisher any more
-            self.get_logger().info(
-                f"{len(starts)} robots on {request.width}x{request.height} cells: {solution.status.name} in "
-                f"{solution.seconds:.3f} s, cost {solution.cost}, lower bound {solution.lower_bound}"
-            )
+        self.get_logger().info(
+            f"{len(starts)} robots on {request.width}x{request.height} cells: {solution.status.name} in "
+            f"{solution.seconds:.3f} s, cost {solution.cost}, lower bound {solution.lower_bound}"
+        )
         return response
 
     def _search(
         self, obstacles: np.ndarray, starts: np.ndarray, goals: np.ndarray, w: float, time_limit: float
     ) -> Solution:
-        # In a thread of its own: a signal ends the context without a word to a callback that is busy.
+        # In a thread of its own, so that this one can see the word to end.
         stop = StopFlag()
         search = self._pool.submit(solve, obstacles, starts, goals, w, time_limit, stop=stop)
-        try:
-            while not search.done():
-                wait([search], timeout=0.1)
-                if not self.context.ok():
-                    stop.set()
-        except KeyboardInterrupt:  # its signal has ended the context too
-            stop.set()
+        while not search.done():
+            wait([search], timeout=0.1)
+            if told_to_end():
+                stop.set()
         return search.result()
 
 
@@ -109,26 +104,10 @@ def fill_response(response: SolveMapf.Response, solution: Solution, request: Sol
         )
 
 
-def main(args: list[str] | None = None) -> None:
-    """Runs the node until it is told to end."""
-    node = None
-    try:
-        rclpy.init(args=args)
-        node = ExpertNode()
-        executor = EventsExecutor()
-        executor.add_node(node)
-        while rclpy.ok():
-            executor.spin_once(timeout_sec=0.2)  # without a timeout, rclpy 7.1.6 calls nothing
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except RuntimeError:  # RCLError: a signal during spin can surface as one; anything else is a fault
-        if rclpy.ok():
-            raise
-    finally:
-        if node is not None:
-            node.destroy_node()
-        rclpy.try_shutdown()
+def main(args: list[str] | None = None) -> int:
+    """Run the expert until it is told to end. Returns the exit status."""
+    return run_node("expert", ExpertNode, args)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

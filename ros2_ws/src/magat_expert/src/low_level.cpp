@@ -28,10 +28,10 @@ LowLevel::Result LowLevel::search(int start, int goal, const std::vector<std::in
     std::pop_heap(focal_.begin(), focal_.end());
     focal_.pop_back();
     const Node& node = nodes_[best.node];
-    if (node.state == State::kClosed || best.key != focal_key(node)) {
+    if (node.closed || best.key != focal_key(node)) {
       continue;  // a better way to this node was found after the entry was made
     }
-    if (node.state == State::kArrived) {
+    if (arrived(node.cell, node.time)) {
       result.outcome = Outcome::kFound;
       result.path = path_to(best.node);
       result.lower_bound = lower_bound_;
@@ -104,19 +104,9 @@ bool LowLevel::allowed(int from, int to, int time) const {
 }
 
 void LowLevel::generate(int cell, int time, int parent, int conflicts) {
-  int f = std::max(time + (*distance_)[cell], earliest_arrival_);
-  if (cell == goal_ && time >= earliest_arrival_) {
-    const int later_visits = time + 1 < static_cast<int>(visits_from_.size()) ? visits_from_[time + 1] : 0;
-    // To wait on the goal and arrive then is the same path with a later arrival.
-    if (parent < 0 || nodes_[parent].cell != goal_) {
-      push_node({cell, time, f, parent, conflicts + later_visits, State::kArrived});
-    }
-    if (later_visits == 0) {
-      return;
-    }
-    f = time + 2;  // to make way for them: off the goal and back
+  if (arrived(cell, time) && time + 1 < static_cast<int>(visits_from_.size())) {
+    conflicts += visits_from_[time + 1];  // whoever comes by later runs into the robot at rest
   }
-
   if (time >= static_cast<int>(node_at_.size())) {
     node_at_.resize(time + 1);
   }
@@ -126,8 +116,8 @@ void LowLevel::generate(int cell, int time, int parent, int conflicts) {
   std::int32_t& entry = node_at_[time][cell];
   if (entry < static_cast<std::int32_t>(nodes_.size())) {
     Node& known = nodes_[entry];
-    if (known.cell == cell && known.time == time && known.state != State::kArrived) {
-      if (known.state == State::kOpen && conflicts < known.conflicts) {
+    if (known.cell == cell && known.time == time) {
+      if (!known.closed && conflicts < known.conflicts) {
         known.conflicts = conflicts;
         known.parent = parent;
         if (known.f <= focal_limit_) {
@@ -138,25 +128,23 @@ void LowLevel::generate(int cell, int time, int parent, int conflicts) {
     }
   }
   entry = static_cast<std::int32_t>(nodes_.size());
-  push_node({cell, time, f, parent, conflicts, State::kOpen});
-}
-
-void LowLevel::push_node(const Node& node) {
-  nodes_.push_back(node);
-  ++open_nodes_;
-  if (node.f >= static_cast<int>(open_by_f_.size())) {
-    open_by_f_.resize(node.f + 1, 0);
-    waiting_.resize(node.f + 1);
-  }
-  ++open_by_f_[node.f];
-  enqueue(static_cast<int>(nodes_.size()) - 1);
+  const int f = std::max(time + (*distance_)[cell], earliest_arrival_);
+  nodes_.push_back({cell, time, f, parent, conflicts, false});
+  enqueue(entry);
 }
 
 void LowLevel::enqueue(int index) {
-  if (nodes_[index].f <= focal_limit_) {
+  const int f = nodes_[index].f;
+  if (f >= static_cast<int>(open_by_f_.size())) {
+    open_by_f_.resize(f + 1, 0);
+    waiting_.resize(f + 1);
+  }
+  ++open_by_f_[f];
+  ++open_nodes_;
+  if (f <= focal_limit_) {
     push_focal(index);
   } else {
-    waiting_[nodes_[index].f].push_back(index);
+    waiting_[f].push_back(index);
   }
 }
 
@@ -192,7 +180,7 @@ void LowLevel::raise_lower_bound() {
 }
 
 void LowLevel::expand(int index, const PathTable& others) {
-  nodes_[index].state = State::kClosed;
+  nodes_[index].closed = true;
   --open_by_f_[nodes_[index].f];
   --open_nodes_;
   const int here = nodes_[index].cell;

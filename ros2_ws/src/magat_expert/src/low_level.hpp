@@ -32,15 +32,13 @@ class LowLevel {
   std::int64_t expansions() const { return expansions_; }
 
  private:
-  // `kArrived` stands on its goal for good; any other node on the goal goes on from there.
-  enum class State : std::uint8_t { kOpen, kArrived, kClosed };
   struct Node {
     std::int32_t cell;
     std::int32_t time;
     std::int32_t f;
     std::int32_t parent;
     std::int32_t conflicts;
-    State state;
+    bool closed;
   };
   struct FocalEntry {
     std::uint64_t key;
@@ -54,8 +52,8 @@ class LowLevel {
   void prepare(int goal, const std::vector<Constraint>& constraints, const PathTable& others, int start_distance);
   std::int64_t focal_limit(int lower_bound) const;
   bool allowed(int from, int to, int time) const;
+  bool arrived(int cell, int time) const { return cell == goal_ && time >= earliest_arrival_; }
   void generate(int cell, int time, int parent, int conflicts);
-  void push_node(const Node& node);
   void enqueue(int index);
   void push_focal(int index);
   void raise_lower_bound();

@@ -1,6 +1,7 @@
 """Running a node until it is told to end."""
 
 import signal
+import threading
 from collections.abc import Callable
 from types import FrameType
 
@@ -11,6 +12,12 @@ from rclpy.signals import SignalHandlerOptions
 
 #: How long a node may take to notice that it should end, seconds.
 REACTION = 0.2
+_told_to_end = threading.Event()
+
+
+def told_to_end() -> bool:
+    """Whether this process's node should end: long callbacks look here now and then."""
+    return _told_to_end.is_set()
 
 
 def run_node(name: str, create: Callable[[], Node], args: list[str] | None = None) -> int:
@@ -24,15 +31,9 @@ def run_node(name: str, create: Callable[[], Node], args: list[str] | None = Non
     Returns:
         The exit status: 0, or 1 if the node could not be created.
     """
-    told_to_end = False
-
-    def end(_: int, __: FrameType | None) -> None:
-        nonlocal told_to_end
-        told_to_end = True
-
     # rclpy's own handlers shut the context down under a running callback, which then fails. These only set a flag.
-    signal.signal(signal.SIGINT, end)
-    signal.signal(signal.SIGTERM, end)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _end)
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     try:
         try:
@@ -42,10 +43,14 @@ def run_node(name: str, create: Callable[[], Node], args: list[str] | None = Non
             return 1
         executor = EventsExecutor()
         executor.add_node(node)
-        while not told_to_end:
+        while not told_to_end():
             executor.spin_once(timeout_sec=REACTION)  # without a timeout, rclpy 7.1.6 calls nothing
         executor.remove_node(node)
         node.destroy_node()
         return 0
     finally:
         rclpy.try_shutdown()
+
+
+def _end(_: int, __: FrameType | None) -> None:
+    _told_to_end.set()

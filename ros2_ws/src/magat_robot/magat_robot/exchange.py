@@ -11,8 +11,10 @@ import numpy.typing as npt
 
 from magat_robot.policy.fixed_point import ACTIVATION_MAX
 
-#: Ticks for which features may arrive before the observation that names their tags.
+#: How many ticks ahead of this robot's own observation a feature may be.
 EARLY_TICKS = 4
+#: Episodes, besides the current one, of which early features are kept: the next one, and room for nonsense.
+EARLY_EPISODES = 8
 #: Features kept for such a tick; more are dropped, so that nobody can fill a robot's memory.
 EARLY_FEATURES = 4096
 
@@ -45,21 +47,25 @@ class Exchange:
     def receive(self, episode: int, tick: int, tag: int, payload: bytes) -> bool:
         """Take a message (float32 payload); True if it belongs to the current tick and is new."""
         at = (episode, tick)
-        if self._now is not None and episode == self._now[0] and tick < self._now[1]:
-            return self.drop(f"late: of tick {tick}, after tick {self._now[1]} began")
+        begun = self._now[1] if self._now is not None and self._now[0] == episode else -1
+        if tick < begun:
+            return self.drop(f"late: of tick {tick}, after tick {begun} began")
+        if tick > begun + EARLY_TICKS:
+            return self.drop(f"far ahead: of tick {tick}, before tick {begun + 1} began")
         if at == self._now and tag not in self._audible:
             return False  # out of radio range: not an error, just not heard
-        waiting = self._heard if at == self._now else self._early.setdefault(at, {})
+        waiting = self._heard if at == self._now else self._early.get(at, {})
         if tag in waiting:
             return self.drop(f"repeated: a second message under one tag in tick {tick}")
+        if at != self._now and len(waiting) >= EARLY_FEATURES:
+            return self.drop(f"more than {EARLY_FEATURES} messages for tick {tick}, which has not begun")
         x = self._decode(payload)
         if x is None:
             return False
-        if at != self._now and len(waiting) >= EARLY_FEATURES:
-            return self.drop(f"more than {EARLY_FEATURES} messages for tick {tick}, which has not begun")
         waiting[tag] = x
-        while len(self._early) > EARLY_TICKS:
-            self._early.pop(next(iter(self._early)))
+        if at != self._now:
+            self._early[at] = waiting
+            self._forget_episodes()
         return at == self._now
 
     @property
@@ -88,6 +94,13 @@ class Exchange:
             self.drop(f"a payload with values that are not within 0 and {ACTIVATION_MAX}")
             return None
         return x
+
+    def _forget_episodes(self) -> None:
+        """Keep early features of few episodes: those that were first heard of last."""
+        current = self._now[0] if self._now is not None else None
+        others = list(dict.fromkeys(episode for episode, _ in self._early if episode != current))
+        for old in others[:-EARLY_EPISODES]:
+            self._early = {at: kept for at, kept in self._early.items() if at[0] != old}
 
     def drop(self, why: str) -> bool:
         """Count a message that was dropped, and remember why; False, for `receive` to return."""

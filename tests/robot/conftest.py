@@ -1,0 +1,9 @@
+"""Networks are small here: one thread computes them fastest."""
+
+import pytest
+import torch
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _one_thread() -> None:
+    torch.set_num_threads(1)

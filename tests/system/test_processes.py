@@ -1,0 +1,165 @@
+"""Robots that die, wrong models, interruption: no collision, no hang, nothing left behind."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import psutil
+import pytest
+
+from magat_bringup.processes import TeamError
+from magat_expert import check_paths
+from magat_training.cases import SPLITS
+
+pytestmark = pytest.mark.system
+
+CASE = SPLITS["test"][9]
+
+
+def test_a_robot_killed_in_mid_episode_stays_in_the_world_and_nobody_runs_into_it(start_team):
+    with start_team(5, ready_timeout=20.0) as team:
+        victims = []
+
+        def kill_at_tick_three(feedback):
+            if feedback.tick == 3 and not victims:
+                victims.append(team.processes.pids("robots")[0])
+                os.kill(victims[0], signal.SIGKILL)
+
+        outcome = team.run(team.goal(CASE), kill_at_tick_three)
+        result, recording = outcome.result, outcome.recording
+        assert victims
+        assert result.silent > 0
+        # The independent checker knows nothing of goals missed; all else must hold.
+        complaints = check_paths(recording.obstacles, recording.positions[0], recording.positions[-1], recording.positions)
+        assert complaints == []
+        still = [(recording.positions[5:, i] == recording.positions[5, i]).all() for i in range(5)]
+        assert any(still)
+        assert result.ticks_per_second > 2, "two deadlines of a second, and then nobody waits for the dead"
+        with pytest.raises(TeamError, match="not there after"):
+            team.client.run(team.goal(CASE), lambda _: None)
+
+
+def test_a_stopped_and_continued_robot_takes_part_again(start_team):
+    with start_team(4) as team:
+        stopped = []
+
+        def stop_and_continue(feedback):
+            if feedback.tick == 2 and not stopped:
+                stopped.append(team.processes.pids("robots")[0])
+                os.kill(stopped[0], signal.SIGSTOP)
+            if feedback.tick == 6 and len(stopped) == 1:
+                os.kill(stopped[0], signal.SIGCONT)
+                stopped.append(None)
+
+        outcome = team.run(team.goal(CASE, t_max=2000), stop_and_continue)
+        assert len(stopped) == 2
+        assert outcome.result.silent >= 2
+        assert team.run(team.goal(CASE)).result.silent == 0
+
+
+def test_a_policy_that_is_damaged_is_named_and_nothing_is_left(tmp_path, policy_folder):
+    for name in ("config.json", "card.md"):
+        (tmp_path / name).write_bytes((policy_folder / name).read_bytes())
+    (tmp_path / "model.safetensors").write_bytes((policy_folder / "model.safetensors").read_bytes()[:-100])
+    ended = _magat("run", "--robots", "2", "--episodes", "1", "--policy", str(tmp_path), "--output", str(tmp_path / "out"))
+    output, _ = ended.communicate(timeout=60)
+    assert ended.returncode == 1
+    assert "model.safetensors is damaged" in re.sub(r"\s+", " ", output)
+    assert _team_processes(tmp_path) == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize("moment", ["starting", "running"])
+def test_no_process_is_left_behind(tmp_path, number, moment):
+    magat = _magat("run", "--robots", "3", "--episodes", "500", "--output", str(tmp_path / "out"))
+    logs = tmp_path / "out" / "logs"
+    wanted = {"starting": lambda: _team_processes(tmp_path), "running": lambda: _solved(logs)}[moment]
+    _wait_for(wanted, 60.0)
+    magat.send_signal(number)
+    output, _ = magat.communicate(timeout=20)
+    _wait_for(lambda: _team_processes(tmp_path) == [], 10.0)
+    assert magat.returncode == (-number if number == signal.SIGKILL else 130), output
+
+
+def test_ten_robots_are_up_within_ten_seconds_and_each_costs_less_than_100_mib(start_team):
+    started = time.monotonic()
+    joined = []
+
+    def note(feedback):
+        if feedback.joined == 10 and not joined:
+            joined.append(time.monotonic() - started)
+
+    with start_team(10) as team:
+        team.run(team.goal(CASE), note)
+        memory = [psutil.Process(pid).memory_full_info().pss / 2**20 for pid in team.processes.pids("robots")]
+    print(f"joined after {joined[0]:.1f} s, PSS {min(memory):.0f} to {max(memory):.0f} MiB")
+    assert len(memory) == 10
+    assert max(memory) < 100
+    assert joined[0] < 10
+
+
+def test_a_robot_started_alone_walks_the_same_path(start_team, policy_folder):
+    with start_team(3, ready_timeout=20.0) as team:
+        forked = team.run(team.goal(CASE)).recording.positions
+        os.kill(team.processes.pids("robots")[0], signal.SIGKILL)
+        # Which of the three died shows in which one the simulator misses.
+        with pytest.raises(TeamError, match="not there after") as error:
+            _until_missed(team)
+        name = re.search(r"robot_\d", str(error.value)).group()
+        parameters = ["-r", f"__ns:=/{name}", "-p", f"policy:={policy_folder}", "-p", "team_size:=3"]
+        command = [sys.executable, "-m", "magat_robot.node", "--ros-args", *parameters]
+        with subprocess.Popen(command, env=os.environ | team.environment) as alone:
+            try:
+                positions = team.run(team.goal(CASE)).recording.positions
+            finally:
+                alone.send_signal(signal.SIGINT)
+            assert alone.wait(10) == 0
+        np.testing.assert_array_equal(positions, forked)
+
+
+def _until_missed(team):
+    for _ in range(3):
+        team.run(team.goal(CASE))
+
+
+def _magat(*arguments: str) -> subprocess.Popen:
+    environment = {k: v for k, v in os.environ.items() if k != "_ROS_WHEELS_BOOTSTRAP_COMPLETE"}
+    return subprocess.Popen(
+        [sys.executable, "-m", "magat_bringup", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env=environment | {"MAGAT_TEST_RUN": arguments[-1]},
+    )
+
+
+def _team_processes(folder) -> list[int]:
+    """Processes of the run that writes below ``folder``, known by the environment they inherited from it."""
+    mark = f"MAGAT_TEST_RUN={folder}".encode()
+    found = []
+    for process in psutil.process_iter():
+        try:
+            with open(f"/proc/{process.pid}/environ", "rb") as environ:
+                variables = environ.read().split(b"\0")
+            command = " ".join(process.cmdline())
+        except (OSError, psutil.Error):
+            continue
+        if any(v.startswith(mark) for v in variables) and "magat_bringup" not in command and command:
+            found.append(process.pid)
+    return found
+
+
+def _solved(logs) -> bool:
+    log = logs / "expert.log"
+    return log.exists() and "SOLVED" in log.read_text()
+
+
+def _wait_for(condition, seconds: float) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "it did not come about in time"
+        time.sleep(0.05)

@@ -41,7 +41,7 @@ def random_team(random_case: Callable) -> Callable:
 
 @pytest.fixture(scope="session")
 def random_network() -> Callable:
-    """Makes a network that looks trained: its statistics are those of data, and every input makes a difference."""
+    """Makes a network that looks trained: it has seen data, and every input makes a difference."""
     import torch
 
     from magat_robot.policy.config import PolicyConfig

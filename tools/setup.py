@@ -43,9 +43,7 @@ SEARCH_PATHS = (
 )
 
 # What is shown while pip works: the downloads of 100 MB and more, and that the long silence has begun.
-PIP_PROGRESS = re.compile(
-    r"\s*(Downloading) ([^-]+)-.* (\(\d{3,}(?:\.\d+)? MB\))|(Installing) collected (packages)"
-)
+PIP_PROGRESS = re.compile(r"\s*(Downloading) ([^-]+)-.* (\(\d{3,}(?:\.\d+)? MB\))|(Installing) collected (packages)")
 
 # The message wheels were built on another machine, whose folders stand in their CMake exports.
 BUILD_MACHINE_PYTHON = re.compile(r"/opt/python/cp\d+-cp\d+/include/python3\.\d+")
@@ -136,9 +134,7 @@ def check_ros() -> None:
         raise SetupError("The ROS of another virtual environment is sourced. Use a new shell.")
     distribution = os.environ.get("ROS_DISTRO", "of no name")
     if distribution != DISTRIBUTION:
-        raise SetupError(
-            f"ROS {distribution} is sourced. Source {DISTRIBUTION} instead, or use a shell without ROS."
-        )
+        raise SetupError(f"ROS {distribution} is sourced. Source {DISTRIBUTION} instead, or use a shell without ROS.")
     if importlib.util.find_spec("rclpy") is None or importlib.util.find_spec("rosidl_generator_py") is None:
         raise SetupError(
             f"ROS is sourced, but {sys.executable} finds no rclpy or no rosidl_generator_py.\n"

@@ -78,9 +78,7 @@ def changed(before: np.ndarray, after: np.ndarray) -> Box:
     return int(x.min()), int(y.min()), int(x.max()) + 1, int(y.max()) + 1
 
 
-def cell_finder(
-    draw: Callable, record: EpisodeRecord, folder: Path
-) -> Callable[[int, int], tuple[slice, slice]]:
+def cell_finder(draw: Callable, record: EpisodeRecord, folder: Path) -> Callable[[int, int], tuple[slice, slice]]:
     """Finds the middle third of a cell, knowing no more than that the map is drawn to scale, with y up."""
     height, width = record.obstacles.shape
     corners = ((0, 0), (width - 1, height - 1))
@@ -226,9 +224,7 @@ def test_a_robot_that_starts_on_its_goal(tmp_path: Path) -> None:
     assert is_coloured(images[0][cell_finder(first_frame, record, tmp_path)(1, 4)])
 
 
-@pytest.mark.parametrize(
-    ("width", "height", "robots", "steps"), [(65, 65, 100, 3), (3, 2, 1, 2), (40, 5, 6, 2)]
-)
+@pytest.mark.parametrize(("width", "height", "robots", "steps"), [(65, 65, 100, 3), (3, 2, 1, 2), (40, 5, 6, 2)])
 def test_any_size(width: int, height: int, robots: int, steps: int, tmp_path: Path) -> None:
     record = walk(width, height, robots, steps)
     high, wide, _ = picture(record, tmp_path).shape

@@ -18,9 +18,7 @@ def world() -> Callable[[str], tuple[np.ndarray, list[Cell], list[Cell]]]:
     def read(drawing: str) -> tuple[np.ndarray, list[Cell], list[Cell]]:
         rows = [line.split() for line in drawing.strip().splitlines()][::-1]
         obstacles = np.array([[cell == "#" for cell in row] for row in rows])
-        where = {
-            letter: (x, y) for y, row in enumerate(rows) for x, cell in enumerate(row) for letter in cell
-        }
+        where = {letter: (x, y) for y, row in enumerate(rows) for x, cell in enumerate(row) for letter in cell}
         robots = sorted(letter for letter in where if letter.islower())
         return obstacles, [where[r] for r in robots], [where[r.upper()] for r in robots]
 
@@ -85,8 +83,7 @@ def _optimal_cost(obstacles: np.ndarray, starts: list[Cell], goals: list[Cell]) 
 
 def _swaps(before: tuple[Cell, ...], after: tuple[Cell, ...]) -> bool:
     return any(
-        after[a] == before[b] and after[b] == before[a]
-        for a, b in itertools.combinations(range(len(before)), 2)
+        after[a] == before[b] and after[b] == before[a] for a, b in itertools.combinations(range(len(before)), 2)
     )
 
 

@@ -1,11 +1,14 @@
 """Many cases at once: the same solutions in the same order, however many threads work on them."""
 
 import math
+from collections import namedtuple
 
 import numpy as np
 import pytest
 
-from magat_expert import Case, InvalidInstanceError, SolveStatus, check_paths, solve, solve_many
+from magat_expert import InvalidInstanceError, SolveStatus, check_paths, solve, solve_many
+
+Case = namedtuple("Case", "obstacles starts goals")
 
 HOPELESS = Case(np.zeros((2, 2), bool), [(0, 0), (1, 0), (1, 1), (0, 1)], [(1, 0), (0, 0), (1, 1), (0, 1)])
 EASY = Case(np.zeros((1, 3), bool), [(0, 0)], [(2, 0)])

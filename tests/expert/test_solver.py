@@ -147,9 +147,7 @@ def test_the_time_limit_holds(limit):
 
     assert solution.status is SolveStatus.TIMED_OUT
     assert solution.paths is None
-    assert (
-        limit <= solution.seconds <= elapsed < limit + 0.2
-    )  # a few ms, and some for a machine with other work
+    assert limit <= solution.seconds <= elapsed < limit + 0.2  # a few ms, and some for a machine with other work
 
 
 def test_the_time_limit_holds_on_a_large_map():

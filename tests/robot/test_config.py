@@ -17,9 +17,7 @@ from magat_robot.policy.config import ModelError, PolicyConfig
         ("MAGAT-B-32-P4", True, 32, 4),
     ],
 )
-def test_the_papers_names_say_what_a_policy_is(
-    name: str, bottleneck: bool, features: int, heads: int
-) -> None:
+def test_the_papers_names_say_what_a_policy_is(name: str, bottleneck: bool, features: int, heads: int) -> None:
     config = PolicyConfig(name)
     assert (config.bottleneck, config.features, config.heads) == (bottleneck, features, heads)
 

@@ -148,9 +148,7 @@ def test_a_payload_that_no_policy_sends_is_dropped_and_may_be_sent_again(
     assert exchange.dropped == 1
 
 
-def test_a_tick_can_take_only_so_many_early_messages(
-    exchange: Exchange, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_tick_can_take_only_so_many_early_messages(exchange: Exchange, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "EARLY_FEATURES", 10)
     for tag in range(12):
         exchange.receive(2, 6, tag, GOOD)
@@ -169,9 +167,7 @@ def test_early_messages_have_room_for_more_than_the_largest_team() -> None:
     assert exchange.complete
 
 
-@pytest.mark.parametrize(
-    "content", [GOOD, b"too short", payload(np.nan, 1, 1)], ids=["sound", "short", "nan"]
-)
+@pytest.mark.parametrize("content", [GOOD, b"too short", payload(np.nan, 1, 1)], ids=["sound", "short", "nan"])
 @pytest.mark.parametrize("where", ["ticks", "episodes", "both", "tags now"])
 def test_no_flood_fills_a_robots_memory(exchange: Exchange, where: str, content: bytes) -> None:
     for i in range(20_000):

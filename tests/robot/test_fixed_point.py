@@ -28,7 +28,7 @@ def test_rectified_cuts_both_ends_and_is_on_the_grid_only_if_exact(dtype: torch.
 
 @st.composite
 def summed_layers(draw: st.DrawFn) -> tuple[list[torch.Tensor], torch.Tensor, int, float]:
-    """Weights, bias and inputs of a convolution, or of two that are added up; made to round badly and sit at bounds."""
+    """Weights, bias and inputs of one convolution or two that are added up, made to round badly."""
     generator = torch.Generator().manual_seed(draw(st.integers(0, 2**32 - 1)))
     channels = draw(st.integers(1, 3))
     input_bits, input_max = draw(st.sampled_from([(0, 1.0), (6, 8.0)]))

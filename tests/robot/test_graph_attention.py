@@ -41,9 +41,7 @@ def layer_by_hand(layer: GraphAttention, x: np.ndarray, messages: np.ndarray) ->
         for g in range(size):
             own = sum(x[f] * A_0[f, g] for f in range(size))
             fused = sum(
-                e_j * message[f] * A_1[f, g]
-                for e_j, message in zip(e, messages, strict=True)
-                for f in range(size)
+                e_j * message[f] * A_1[f, g] for e_j, message in zip(e, messages, strict=True) for f in range(size)
             )
             out.append(sigma(own + fused))
     return out
@@ -64,7 +62,7 @@ def layer(request: pytest.FixtureRequest, random_network: Callable) -> GraphAtte
 
 
 def spread(layer: GraphAttention, receivers: int = 7, places: int = 5) -> tuple[torch.Tensor, ...]:
-    """Features large enough that some outputs are cut off at either end, and some places without a message."""
+    """Features so large that some outputs are cut off at either end, and some places without a message."""
     generator = torch.Generator().manual_seed(1)
     size = layer.heard.shape[1]
     x = 8 * torch.rand(receivers, size, generator=generator, dtype=torch.float64)
@@ -118,15 +116,15 @@ def test_heads_are_independent_and_stand_one_after_the_other(random_network: Cal
 
 
 @pytest.mark.parametrize("name", ["MAGAT-F-6", "MAGAT-F-6-P4", "MAGAT-B-6", "MAGAT-B-6-P4"])
-def test_the_network_fuses_a_team_as_in_the_paper(
-    random_team: Callable, random_network: Callable, name: str
-) -> None:
+def test_the_network_fuses_a_team_as_in_the_paper(random_team: Callable, random_network: Callable, name: str) -> None:
     network = random_network(name, seed=3).double()
     team = random_team(np.random.default_rng(3), 9)
     view, heard = torch.from_numpy(team.field_of_view).double(), torch.from_numpy(team.heard)
     features, x = network.encode(view)
     S = np.array([[j in row for j in range(9)] for row in team.heard.tolist()], dtype=float)
-    assert S.any() and (S == S.T).all() and not S.diagonal().any()
+    assert S.any()
+    assert (S == S.T).all()
+    assert not S.diagonal().any()
 
     heads = []
     X = x.detach().numpy()

@@ -1,4 +1,4 @@
-"""What a deployed policy must not depend on, to the last bit: numbering, time, company, the order of messages."""
+"""What decisions must not depend on, to the last bit: numbering, time, company, the order of messages."""
 
 from collections.abc import Callable
 
@@ -141,9 +141,7 @@ def test_neither_the_order_of_messages_nor_empty_places_matter(
     robot = alone(own, int(rng.integers(20)))
     plain = policy.weights(robot, heard[None], np.ones((1, 8), bool))
     places = rng.permutation(13)[:8]
-    scattered = np.full(
-        (1, 13, policy.config.features), np.nan, np.float32
-    )  # what stands in empty places is not read
+    scattered = np.full((1, 13, policy.config.features), np.nan, np.float32)  # what stands in empty places is not read
     scattered[0, places] = heard
     present = np.zeros((1, 13), bool)
     present[0, places] = True
@@ -151,9 +149,7 @@ def test_neither_the_order_of_messages_nor_empty_places_matter(
 
 
 @pytest.mark.parametrize("name", ["MAGAT-F-16", "MAGAT-B-8", "MAGAT-F-8-P4"])
-def test_a_robot_that_hears_nobody_still_decides(
-    random_team: Callable, small_policy: Callable, name: str
-) -> None:
+def test_a_robot_that_hears_nobody_still_decides(random_team: Callable, small_policy: Callable, name: str) -> None:
     policy = small_policy(name)
     own = policy.encode(random_team(np.random.default_rng(1), 6).field_of_view)
     nobody = np.zeros((6, 0, policy.config.features), np.float32)

@@ -32,9 +32,7 @@ def test_splitmix_gives_the_published_numbers() -> None:
     # The first outputs of the authors' generator with the seed 1234567.
     published = [6457827717110365317, 3203168211198807973, 9817491932198370423, 4593380528125082431]
     stream = np.array([1234567], dtype=np.uint64)
-    assert [int(uniform(stream, tick)[0] * 2**53) for tick in range(4)] == [
-        value >> 11 for value in published
-    ]
+    assert [int(uniform(stream, tick)[0] * 2**53) for tick in range(4)] == [value >> 11 for value in published]
 
 
 def test_streams_and_ticks_draw_numbers_of_their_own() -> None:
@@ -58,9 +56,7 @@ def test_draws_are_spread_evenly(along: str) -> None:
     st.lists(st.lists(st.integers(0, 2**24), min_size=5, max_size=5).filter(any), min_size=1, max_size=8),
     st.data(),
 )
-def test_an_alternative_is_chosen_for_its_share_of_the_draws(
-    rows: list[list[int]], data: st.DataObject
-) -> None:
+def test_an_alternative_is_chosen_for_its_share_of_the_draws(rows: list[list[int]], data: st.DataObject) -> None:
     draws = [data.draw(st.integers(0, 2**53 - 1)) / 2**53 for _ in rows]
     chosen = choose(np.array(rows, dtype=np.float64), np.array(draws))
     assert chosen.dtype == np.int64

@@ -1,4 +1,4 @@
-"""Policy folders: what was saved decides as before, and what is damaged is refused by the name of the file."""
+"""Policy folders: what was saved decides as before; what is damaged is refused by the name of the file."""
 
 import hashlib
 import json
@@ -51,16 +51,12 @@ def test_a_loaded_policy_decides_as_the_saved_one_to_the_last_bit(
         assert after.primitives.tolist() == before.primitives.tolist()
 
 
-def test_a_network_trained_in_another_memory_format_is_saved_as_it_is(
-    random_network: Callable, tmp_path: Path
-) -> None:
+def test_a_network_trained_in_another_memory_format_is_saved_as_it_is(random_network: Callable, tmp_path: Path) -> None:
     network = random_network()
     plain = save(network, tmp_path / "plain", "")
     assert save(network.to(memory_format=torch.channels_last), tmp_path / "turned", "") == plain
     loaded, _ = load_network(tmp_path / "turned")
-    assert all(
-        torch.equal(tensor, loaded.state_dict()[name]) for name, tensor in network.state_dict().items()
-    )
+    assert all(torch.equal(tensor, loaded.state_dict()[name]) for name, tensor in network.state_dict().items())
 
 
 def test_a_folder_holds_weights_configuration_and_card(folder: Path) -> None:
@@ -99,9 +95,7 @@ def test_a_flipped_bit_is_noticed(folder: Path, place: float) -> None:
         load(folder)
 
 
-def test_weights_of_another_policy_are_refused(
-    folder: Path, random_network: Callable, tmp_path: Path
-) -> None:
+def test_weights_of_another_policy_are_refused(folder: Path, random_network: Callable, tmp_path: Path) -> None:
     save(random_network("MAGAT-B-16-P3", seed=1), tmp_path / "other", "")
     (folder / WEIGHTS).write_bytes((tmp_path / "other" / WEIGHTS).read_bytes())
     with pytest.raises(ModelError, match=rf"{WEIGHTS} .*another policy"):

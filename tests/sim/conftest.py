@@ -1,4 +1,4 @@
-"""What the tests of the simulator share: worlds to set up by hand, and a judge of steps that shares no code with it."""
+"""What the tests of the simulator share: worlds set up by hand, and an independent judge."""
 
 from collections.abc import Callable, Sequence
 

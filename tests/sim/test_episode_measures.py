@@ -14,9 +14,7 @@ IDLE, UP, DOWN, LEFT, RIGHT = Primitive
 BEST = Flowtime(4, 5)
 
 
-def played(
-    starts: list, goals: list, t_max: int, wishes: list, best: Flowtime | None = BEST
-) -> EpisodeMeasures:
+def played(starts: list, goals: list, t_max: int, wishes: list, best: Flowtime | None = BEST) -> EpisodeMeasures:
     """The measures after ``wishes``, which must last exactly until the world is done."""
     case = Case(np.zeros((2, 4), dtype=bool), np.array(starts), np.array(goals))
     simulator = Simulator([case], [t_max], [episode_streams(0, 0, len(starts))])

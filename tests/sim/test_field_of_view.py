@@ -112,10 +112,7 @@ def test_turning_the_world_turns_what_each_robot_sees(random_case, seed: int, tu
     case = random_case(np.random.default_rng(seed), side, side, 9)
     turned = Case(
         symmetry.turn_arrays(case.obstacles, turn),
-        *(
-            (symmetry.turn_cells(2 * cells - (side - 1), turn) + side - 1) // 2
-            for cells in (case.starts, case.goals)
-        ),
+        *((symmetry.turn_cells(2 * cells - (side - 1), turn) + side - 1) // 2 for cells in (case.starts, case.goals)),
     )
     assert look([turned]).tolist() == symmetry.turn_arrays(look([case]), turn).tolist()
 

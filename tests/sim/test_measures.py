@@ -48,9 +48,7 @@ def test_t_max_is_three_times_the_experts_makespan() -> None:
         (950, 1000, (0.9347, 0.9619)),
     ],
 )
-def test_wilson_intervals_are_those_of_the_tables(
-    successes: int, cases: int, interval: tuple[float, float]
-) -> None:
+def test_wilson_intervals_are_those_of_the_tables(successes: int, cases: int, interval: tuple[float, float]) -> None:
     assert wilson(successes, cases) == pytest.approx(interval, abs=5e-5)
 
 

@@ -12,11 +12,7 @@ def brute_force(world: np.ndarray, position: np.ndarray, squared_radius: float) 
     """Every pair, in integers."""
     cells = [(int(w), int(x), int(y)) for w, (x, y) in zip(world, position, strict=True)]
     return [
-        [
-            j
-            for j, (v, p, q) in enumerate(cells)
-            if j != i and v == w and (p - x) ** 2 + (q - y) ** 2 <= squared_radius
-        ]
+        [j for j, (v, p, q) in enumerate(cells) if j != i and v == w and (p - x) ** 2 + (q - y) ** 2 <= squared_radius]
         for i, (w, x, y) in enumerate(cells)
     ]
 
@@ -38,9 +34,7 @@ def rows(heard: np.ndarray) -> list[list[int]]:
     worlds=st.integers(1, 4),
     radius=st.sampled_from([1.0, 1.5, 2.0, 5.0, 7.0, 7.5, 10.0]),
 )
-def test_neighbourhoods_are_those_of_brute_force(
-    seed: int, count: int, side: int, worlds: int, radius: float
-) -> None:
+def test_neighbourhoods_are_those_of_brute_force(seed: int, count: int, side: int, worlds: int, radius: float) -> None:
     rng = np.random.default_rng(seed)
     position = rng.integers(side, size=(count, 2))
     world = np.sort(rng.integers(worlds, size=count))

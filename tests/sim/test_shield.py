@@ -65,18 +65,14 @@ def test_a_joint_move_without_conflicts_passes_unchanged(
             [RIGHT, RIGHT, UP, LEFT, LEFT, DOWN],
             id="six go round",
         ),
-        pytest.param(
-            [(1, 1), (1, 2), (2, 2)], [RIGHT, DOWN, LEFT], id="each into the cell that another leaves"
-        ),
+        pytest.param([(1, 1), (1, 2), (2, 2)], [RIGHT, DOWN, LEFT], id="each into the cell that another leaves"),
     ],
 )
 def test_following_and_rotating_are_legal(arena: Callable, starts: list, wanted: list) -> None:
     assert arena(4, 4, starts).step(wanted).moved.tolist() == wanted
 
 
-@pytest.mark.parametrize(
-    ("starts", "wanted"), [([(1, 1), (2, 1)], [RIGHT, LEFT]), ([(2, 3), (2, 2)], [DOWN, UP])]
-)
+@pytest.mark.parametrize(("starts", "wanted"), [([(1, 1), (2, 1)], [RIGHT, LEFT]), ([(2, 3), (2, 2)], [DOWN, UP])])
 def test_two_that_would_swap_both_idle(arena: Callable, starts: list, wanted: list) -> None:
     for number in range(20):
         step = arena(4, 4, starts, number=number).step(wanted)
@@ -155,11 +151,7 @@ def test_losing_a_contest_makes_everyone_behind_the_loser_wait(arena: Callable) 
     lost = set()
     for number in range(30):
         # Two rows of two meet at the free cell in the middle.
-        moved = (
-            arena(5, 1, [(0, 0), (1, 0), (3, 0), (4, 0)], number=number)
-            .step([RIGHT, RIGHT, LEFT, LEFT])
-            .moved
-        )
+        moved = arena(5, 1, [(0, 0), (1, 0), (3, 0), (4, 0)], number=number).step([RIGHT, RIGHT, LEFT, LEFT]).moved
         lost.add(tuple(moved.tolist()))
     assert lost == {(RIGHT, RIGHT, IDLE, IDLE), (IDLE, IDLE, LEFT, LEFT)}
 

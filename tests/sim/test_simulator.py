@@ -1,4 +1,4 @@
-"""Many worlds in lockstep are each world alone; the same seeds give the same episode; worlds end when they should."""
+"""Worlds in lockstep go as each goes alone, the same seeds give the same episode, and each world ends."""
 
 from collections.abc import Callable
 
@@ -38,9 +38,7 @@ def pushed_together(rng: np.random.Generator, random_case: Callable) -> Case:
 
 @settings(max_examples=40)
 @given(seed=st.integers(0, 2**32 - 1), worlds=st.integers(2, 6))
-def test_ragged_worlds_in_one_batch_go_as_each_goes_alone(
-    random_case: Callable, seed: int, worlds: int
-) -> None:
+def test_ragged_worlds_in_one_batch_go_as_each_goes_alone(random_case: Callable, seed: int, worlds: int) -> None:
     rng = np.random.default_rng(seed)
     cases = [pushed_together(rng, random_case) for _ in range(worlds)]
     t_max = rng.integers(0, 25, size=worlds).tolist()

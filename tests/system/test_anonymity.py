@@ -23,9 +23,7 @@ def overheard(team):
     subscriptions = [node.create_subscription(Feature, "/feature", features.append, qos.newest(4096))]
     for i in range(team.robots):
         topic = f"/robot_{i}/observation"
-        subscriptions.append(
-            node.create_subscription(Observation, topic, observations[i].append, qos.newest(512))
-        )
+        subscriptions.append(node.create_subscription(Observation, topic, observations[i].append, qos.newest(512)))
     assert team.client.spin(lambda: all(s.get_publisher_count() for s in subscriptions), 20.0)
     outcome = team.run(team.goal(CASE))
     assert team.client.spin(lambda: len(features) >= 0.9 * team.robots * outcome.result.ticks, 5.0)

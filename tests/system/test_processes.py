@@ -34,7 +34,9 @@ def test_a_robot_killed_in_mid_episode_stays_in_the_world_and_nobody_runs_into_i
         assert victims
         assert result.silent > 0
         # The independent checker knows nothing of goals missed; all else must hold.
-        complaints = check_paths(recording.obstacles, recording.positions[0], recording.positions[-1], recording.positions)
+        complaints = check_paths(
+            recording.obstacles, recording.positions[0], recording.positions[-1], recording.positions
+        )
         assert complaints == []
         still = [(recording.positions[5:, i] == recording.positions[5, i]).all() for i in range(5)]
         assert any(still)
@@ -65,7 +67,9 @@ def test_a_policy_that_is_damaged_is_named_and_nothing_is_left(tmp_path, policy_
     for name in ("config.json", "card.md"):
         (tmp_path / name).write_bytes((policy_folder / name).read_bytes())
     (tmp_path / "model.safetensors").write_bytes((policy_folder / "model.safetensors").read_bytes()[:-100])
-    ended = _magat("run", "--robots", "2", "--episodes", "1", "--policy", str(tmp_path), "--output", str(tmp_path / "out"))
+    ended = _magat(
+        "run", "--robots", "2", "--episodes", "1", "--policy", str(tmp_path), "--output", str(tmp_path / "out")
+    )
     output, _ = ended.communicate(timeout=60)
     assert ended.returncode == 1
     assert "model.safetensors is damaged" in re.sub(r"\s+", " ", output)

@@ -1,4 +1,4 @@
-"""What the tests of training share: a few cases that the expert has solved. Networks are small: one thread is fastest."""
+"""What the tests of training share: a few cases that the expert has solved."""
 
 import pytest
 import torch

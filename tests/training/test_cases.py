@@ -59,10 +59,7 @@ def test_the_experts_flowtime_is_that_of_its_paths(solved: list[SolvedCase]) -> 
     for s in solved:
         on_goal = (s.paths == s.case.goals).all(axis=2)
         first = [column.index(True) for column in on_goal.T.tolist()]
-        last = [
-            max((t + 1 for t, there in enumerate(column) if not there), default=0)
-            for column in on_goal.T.tolist()
-        ]
+        last = [max((t + 1 for t, there in enumerate(column) if not there), default=0) for column in on_goal.T.tolist()]
         assert s.flowtime == Flowtime(sum(first), sum(last))
         # A lower bound that needs no search.
         assert s.flowtime.first_visit >= np.abs(s.case.starts - s.case.goals).sum()
@@ -78,9 +75,7 @@ def test_cases_that_the_expert_cannot_solve_are_left_out(monkeypatch: pytest.Mon
     # In a corridor without a siding, two robots can only keep their order.
     solved = list(solved_cases(range(30), workers=1, width=5, height=1, robots=2, density=0.0))
     drawn = [draw_case(SET_SEED, number, 5, 1, 2, 0.0) for number in range(30)]
-    in_order = [
-        n for n, c in enumerate(drawn) if np.prod(np.diff(c.starts[:, 0]) * np.diff(c.goals[:, 0])) > 0
-    ]
+    in_order = [n for n, c in enumerate(drawn) if np.prod(np.diff(c.starts[:, 0]) * np.diff(c.goals[:, 0])) > 0]
     assert 0 < len(in_order) < 30
     assert [s.number for s in solved] == in_order
     for s in solved:

@@ -24,9 +24,7 @@ def test_a_case_scores_alone_as_among_others(solved: list[SolvedCase], small_pol
     assert evaluate(policy, mixed[::-1]) == together[::-1]
 
 
-def test_measures_come_with_the_experts_flowtime_and_its_time(
-    solved: list[SolvedCase], small_policy: Callable
-) -> None:
+def test_measures_come_with_the_experts_flowtime_and_its_time(solved: list[SolvedCase], small_policy: Callable) -> None:
     for s, measures in zip(solved, evaluate(small_policy("MAGAT-F-16"), solved), strict=True):
         assert measures.expert_flowtime == s.flowtime
         assert measures.t_max == s.t_max

@@ -12,7 +12,7 @@ from magat_training.samples import Samples
 
 
 def walked(solved: SolvedCase) -> list[tuple[np.ndarray, list[list[int]], np.ndarray]]:
-    """What the simulator shows at each instant of the expert's way, whom each robot hears, what each does next."""
+    """What the simulator shows at each instant of the expert's way, whom each hears, what each does next."""
     simulator = simulator_for([solved])
     steps = []
     for now, then in zip(solved.paths[:-1], solved.paths[1:], strict=True):

@@ -34,10 +34,7 @@ def test_they_keep_lengths_and_half_of_them_mirror() -> None:
 def test_one_after_another_is_one_of_them_and_each_has_an_inverse() -> None:
     by_effect = {turned(s): s for s in ALL}
     table = np.array(
-        [
-            [by_effect[tuple(map(tuple, turn_cells(turn_cells(CELLS, a), b).tolist()))] for b in ALL]
-            for a in ALL
-        ]
+        [[by_effect[tuple(map(tuple, turn_cells(turn_cells(CELLS, a), b).tolist()))] for b in ALL] for a in ALL]
     )
     assert all(sorted(row) == list(ALL) for row in table.tolist())  # a group's table is a Latin square
     assert all(sorted(column) == list(ALL) for column in table.T.tolist())

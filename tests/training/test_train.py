@@ -22,8 +22,8 @@ CONFIG = TrainConfig(
 KEPT = {"checkpoint.pt", "best.pt", "log.jsonl"}
 
 
-class Interruption(Exception):
-    """Somebody pulls the plug."""
+class PlugPulledError(Exception):
+    """The end of a run that nobody planned."""
 
 
 def trained(
@@ -33,12 +33,12 @@ def trained(
 
     def on_step(step: int, loss: float) -> None:
         if step == stop_after:
-            raise Interruption
+            raise PlugPulledError
 
     if stop_after is None:
         trainer.run(on_step)
     else:
-        with pytest.raises(Interruption):
+        with pytest.raises(PlugPulledError):
             trainer.run(on_step)
     return trainer
 
@@ -83,8 +83,7 @@ def test_a_finished_run_is_not_trained_any_further(tmp_path: Path, solved: list[
 
 def test_another_seed_gives_another_network(tmp_path: Path, solved: list[SolvedCase]) -> None:
     runs = [
-        trained(tmp_path / str(seed), solved, replace(CONFIG, seed=seed, steps=1, validate_every=1))
-        for seed in (1, 2)
+        trained(tmp_path / str(seed), solved, replace(CONFIG, seed=seed, steps=1, validate_every=1)) for seed in (1, 2)
     ]
     assert weights(runs[0]) != weights(runs[1])
 
@@ -123,9 +122,7 @@ def test_the_best_weights_are_those_of_the_best_validation(tmp_path: Path, solve
     snapshots: dict[int, dict] = {}
     trainer = Trainer(replace(CONFIG, steps=24), tmp_path, solved[:6], solved[6:])
     trainer.run(
-        lambda step, _: snapshots.update(
-            {step: {n: t.clone() for n, t in trainer.network.state_dict().items()}}
-        )
+        lambda step, _: snapshots.update({step: {n: t.clone() for n, t in trainer.network.state_dict().items()}})
     )
     scores = {record["step"]: record["alpha"] - 0.1 * record["delta_ft"] for record in records(tmp_path)}
     best_step = max(scores, key=lambda step: scores[step])
@@ -143,8 +140,6 @@ def test_the_learning_rate_falls_along_a_cosine(tmp_path: Path, solved: list[Sol
     assert rates == pytest.approx(expected)
 
 
-def test_a_run_leaves_its_checkpoint_its_best_weights_and_its_log(
-    tmp_path: Path, solved: list[SolvedCase]
-) -> None:
+def test_a_run_leaves_its_checkpoint_its_best_weights_and_its_log(tmp_path: Path, solved: list[SolvedCase]) -> None:
     trained(tmp_path, solved)
     assert {file.name for file in tmp_path.iterdir()} == KEPT

@@ -47,48 +47,32 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument(
         "--first", type=int, default=SPLITS["test"].start, help="number of the first case (default: unseen)"
     )
-    run.add_argument(
-        "--output", type=Path, default=Path("runs/latest"), help="folder for results, pictures and logs"
-    )
-    run.add_argument(
-        "--require", type=int, default=0, metavar="N", help="fail unless N episodes are complete"
-    )
+    run.add_argument("--output", type=Path, default=Path("runs/latest"), help="folder for results, pictures and logs")
+    run.add_argument("--require", type=int, default=0, metavar="N", help="fail unless N episodes are complete")
 
     evaluate = commands.add_parser("evaluate", help="score a policy on many cases, in one process")
     evaluate.set_defaults(execute=_evaluate)
     evaluate.add_argument("--cases", type=_positive, default=300)
     evaluate.add_argument("--split", choices=sorted(SPLITS), default="test")
-    evaluate.add_argument(
-        "--temperature", type=float, help="sampling temperature instead of the policy's own"
-    )
+    evaluate.add_argument("--temperature", type=float, help="sampling temperature instead of the policy's own")
     evaluate.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
 
     for command in (run, evaluate):
-        command.add_argument(
-            "--policy", default="MAGAT-F-128", help="name of a policy in models/, or its folder"
-        )
+        command.add_argument("--policy", default="MAGAT-F-128", help="name of a policy in models/, or its folder")
         command.add_argument("--robots", type=_positive, default=10)
         command.add_argument("--width", type=_positive, default=20, help="cells")
         command.add_argument("--height", type=_positive, default=20, help="cells")
         command.add_argument("--density", type=float, default=0.1, help="share of obstacle cells")
-        command.add_argument(
-            "--seed", type=int, default=SET_SEED, help="of the cases and of every random stream"
-        )
+        command.add_argument("--seed", type=int, default=SET_SEED, help="of the cases and of every random stream")
 
-    train = commands.add_parser(
-        "train", help="train a policy by imitation of the expert; run again to resume"
-    )
+    train = commands.add_parser("train", help="train a policy by imitation of the expert; run again to resume")
     train.set_defaults(execute=_train)
     train.add_argument("--policy", default="MAGAT-F-128", help="name of the policy")
-    train.add_argument(
-        "--steps", type=_positive, help="optimiser steps (default: those of the shipped policy)"
-    )
+    train.add_argument("--steps", type=_positive, help="optimiser steps (default: those of the shipped policy)")
     train.add_argument("--cases", type=_positive, help="training cases")
     train.add_argument("--temperature", type=float, help="sampling temperature for validation and use")
     train.add_argument("--threads", type=_positive, default=2)
-    train.add_argument(
-        "--output", type=Path, required=True, help="folder for checkpoints, the log and the policy"
-    )
+    train.add_argument("--output", type=Path, required=True, help="folder for checkpoints, the log and the policy")
     return parser
 
 

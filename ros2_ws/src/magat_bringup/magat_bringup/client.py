@@ -70,7 +70,7 @@ class EpisodeOutcome:
 
 
 class EpisodeClient:
-    """Runs episodes on a team. Use it in a ``with`` statement; Ctrl-C and SIGTERM raise KeyboardInterrupt while it waits."""
+    """Runs episodes on a team, in a ``with`` statement; Ctrl-C and SIGTERM raise KeyboardInterrupt while it waits."""
 
     def __init__(self, team: TeamProcesses, domain: int) -> None:
         """Join ROS domain ``domain``; ``team`` is watched while waiting."""
@@ -95,18 +95,14 @@ class EpisodeClient:
         if not self.spin(self._action.server_is_ready, SIMULATOR_TIMEOUT):
             raise TeamError(f"no simulator after {SIMULATOR_TIMEOUT:g} s")
 
-    def run(
-        self, goal: RunEpisode.Goal, on_feedback: Callable[[RunEpisode.Feedback], None]
-    ) -> EpisodeOutcome:
+    def run(self, goal: RunEpisode.Goal, on_feedback: Callable[[RunEpisode.Feedback], None]) -> EpisodeOutcome:
         """Run one episode.
 
         Raises:
             TeamError: a process ended, the simulator is busy, or it could not run the episode.
         """
         handle = self._result_of(
-            self._action.send_goal_async(
-                goal, feedback_callback=lambda message: on_feedback(message.feedback)
-            )
+            self._action.send_goal_async(goal, feedback_callback=lambda message: on_feedback(message.feedback))
         )
         if not handle.accepted:
             raise TeamError("the simulator is busy with another episode: wait for its end")

@@ -41,9 +41,7 @@ def own_domain() -> Iterator[int]:
         finally:
             os.close(lock)
         return
-    raise NoDomainError(
-        f"the ROS domains {DOMAINS.start} to {DOMAINS.stop - 1} are all in use: end other runs"
-    )
+    raise NoDomainError(f"the ROS domains {DOMAINS.start} to {DOMAINS.stop - 1} are all in use: end other runs")
 
 
 def loopback(domain: int) -> dict[str, str]:

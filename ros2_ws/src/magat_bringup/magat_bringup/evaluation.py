@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import track
-from rich.progress import Progress
+from rich.progress import Progress, track
 from rich.table import Table
 
 from magat_robot.policy.policy import Policy

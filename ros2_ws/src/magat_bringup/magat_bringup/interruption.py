@@ -25,7 +25,7 @@ def watch() -> None:
 
 @contextmanager
 def deferred() -> Iterator[None]:
-    """Within it the signals raise nothing by themselves, so that no callback is cut off: call `check` between callbacks."""
+    """Within it the signals raise nothing by themselves and cut no callback off: call `check` between callbacks."""
     before = {number: signal.signal(number, _note) for number in SIGNALS}
     try:
         yield

@@ -73,21 +73,15 @@ class EpisodeRecord:
 
     def __post_init__(self) -> None:
         """Check that the arrays are of one episode."""
-        grid, goals, positions, blocked = (
-            a.shape for a in (self.obstacles, self.goals, self.positions, self.blocked)
-        )
+        grid, goals, positions, blocked = (a.shape for a in (self.obstacles, self.goals, self.positions, self.blocked))
         if len(grid) != 2 or 0 in grid:
             raise ValueError(f"obstacles have shape {grid}: give a non-empty [height, width] array")
         if len(goals) != 2 or goals[1] != 2 or goals[0] == 0:
             raise ValueError(f"goals have shape {goals}: give [N, 2] cells (x, y), N at least 1")
         if len(positions) != 3 or positions[0] == 0 or positions[1:] != goals:
-            raise ValueError(
-                f"positions have shape {positions}: give [T + 1, N, 2], with N = {goals[0]} as in goals"
-            )
+            raise ValueError(f"positions have shape {positions}: give [T + 1, N, 2], with N = {goals[0]} as in goals")
         if blocked != (positions[0] - 1, positions[1]):
-            raise ValueError(
-                f"blocked has shape {blocked}: give [T, N], one instant less than positions {positions}"
-            )
+            raise ValueError(f"blocked has shape {blocked}: give [T, N], one instant less than positions {positions}")
         for what, cells in (("goals", self.goals), ("positions", self.positions)):
             if not inside(grid, cells).all():
                 raise ValueError(f"{what} leave the map, which is {grid[1]} wide and {grid[0]} high")
@@ -207,9 +201,7 @@ def _square(centre: tuple[float, float], half: float, rounding: float) -> patche
 
 def _draw_links(board: Axes, record: EpisodeRecord, cell: float, instant: int) -> None:
     ends = (record.positions[instant] + _lanes(record))[record.links[instant]]
-    board.add_collection(
-        LineCollection(ends, colors=_INK, alpha=0.28, linewidths=min(0.9, 4 * cell), zorder=2)
-    )
+    board.add_collection(LineCollection(ends, colors=_INK, alpha=0.28, linewidths=min(0.9, 4 * cell), zorder=2))
 
 
 def _draw_paths(board: Axes, record: EpisodeRecord, cell: float, instant: int) -> None:
@@ -263,9 +255,7 @@ def _draw_marks(board: Axes, record: EpisodeRecord, cell: float) -> None:
             _draw_mark(board, (x + aside * dx, y + aside * dy), size, cell, kind, robot)
 
 
-def _draw_mark(
-    board: Axes, centre: tuple[float, float], size: float, cell: float, kind: str, robot: int
-) -> None:
+def _draw_mark(board: Axes, centre: tuple[float, float], size: float, cell: float, kind: str, robot: int) -> None:
     solid = kind in ("reached", "last")
     fill, edge = (_colour(robot), "white") if solid else ("white", _colour(robot))
     round_one = kind in ("start", "last")
@@ -326,9 +316,7 @@ _TRAIL, _RING = 6, 2
 _UNCHANGED = 255
 
 
-def save_animation(
-    record: EpisodeRecord, path: Path, on_frame: Callable[[int, int], None] | None = None
-) -> None:
+def save_animation(record: EpisodeRecord, path: Path, on_frame: Callable[[int, int], None] | None = None) -> None:
     """Play the episode: four frames a step, fewer where that would make more than about 300 frames.
 
     Args:
@@ -468,9 +456,7 @@ class _Stage:
             draw.rounded_rectangle(_box(centre, 0.38 * cell), 0.14 * cell, **look)
         if self.numbered:
             font = _font(0.42 * cell * min(1.0, 2 / len(number)))
-            draw.text(
-                tuple(centre), number, fill=colour if kind == "goal" else "white", font=font, anchor="mm"
-            )
+            draw.text(tuple(centre), number, fill=colour if kind == "goal" else "white", font=font, anchor="mm")
         if self.numbered and kind == "settled":
             badge = centre + np.array([0.36, -0.36]) * cell
             draw.ellipse(_box(badge, 0.22 * cell), fill="white")
@@ -489,9 +475,7 @@ class _Stage:
             for robot in np.flatnonzero((start != end).any(axis=1)).tolist():
                 a, b, fill = start[robot], end[robot], _tint(_colour(robot), 0.5 * fresh[piece + 1])
                 side = (b - a)[::-1] * (-1, 1) / np.abs(b - a).max()
-                draw.polygon(
-                    [*a + wide * side, *b + wider * side, *b - wider * side, *a - wide * side], fill=fill
-                )
+                draw.polygon([*a + wide * side, *b + wider * side, *b - wider * side, *a - wide * side], fill=fill)
                 draw.ellipse(_box(b, wider), fill=fill)
 
     def _draw_links(

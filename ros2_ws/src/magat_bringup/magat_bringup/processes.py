@@ -38,7 +38,7 @@ class TeamPlan:
 
 
 class TeamProcesses:
-    """One simulator, one expert and N robot processes. Use it in a ``with`` statement: at its end all of them have ended."""
+    """One simulator, one expert and N robot processes, in a ``with`` statement: at its end all of them have ended."""
 
     def __init__(self, plan: TeamPlan) -> None:
         """Start the processes; their output goes to ``plan.logs``."""
@@ -68,7 +68,7 @@ class TeamProcesses:
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                # A session of its own: Ctrl-C in a terminal reaches this process only, which then ends the others in order.
+                # A session of its own: Ctrl-C in a terminal reaches this process only, which ends the others in order.
                 start_new_session=True,
                 preexec_fn=_die_with_parent,
             )
@@ -88,9 +88,7 @@ class TeamProcesses:
             if process.poll() is not None:
                 said = (self._logs / f"{name}.log").read_text(errors="replace").strip().splitlines()[-15:]
                 text = "\n  ".join(said) or "nothing"
-                raise TeamError(
-                    f"{name}: the process ended with status {process.returncode}. It said:\n  {text}"
-                )
+                raise TeamError(f"{name}: the process ended with status {process.returncode}. It said:\n  {text}")
 
     def stop(self) -> None:
         """End all processes: asked first, killed after a while. Safe to call twice."""

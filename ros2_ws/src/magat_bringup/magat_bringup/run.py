@@ -70,18 +70,20 @@ def run(plan: RunPlan, console: Console) -> list[RunEpisode.Result]:
     with own_domain() as domain:
         environment = loopback(domain)
         os.environ.update(environment)  # for the client, which is in this process
-        with TeamProcesses(TeamPlan(names, policy, plan.output / "logs", environment)) as team:
-            with EpisodeClient(team, domain) as client, _progress(console) as progress:
-                _run_episodes(plan, client, progress, outcomes)
+        team_plan = TeamPlan(names, policy, plan.output / "logs", environment)
+        with (
+            TeamProcesses(team_plan) as team,
+            EpisodeClient(team, domain) as client,
+            _progress(console) as progress,
+        ):
+            _run_episodes(plan, client, progress, outcomes)
     results = [outcome.result for outcome in outcomes]
     console.print(_table(plan, results))
     _write(plan, policy.name, outcomes, console)
     return results
 
 
-def _run_episodes(
-    plan: RunPlan, client: EpisodeClient, progress: Progress, outcomes: list[EpisodeOutcome]
-) -> None:
+def _run_episodes(plan: RunPlan, client: EpisodeClient, progress: Progress, outcomes: list[EpisodeOutcome]) -> None:
     started = monotonic()
     joining = progress.add_task("robots found each other", total=plan.robots)
     running = progress.add_task("episode", total=None, visible=False)
@@ -97,7 +99,7 @@ def _run_episodes(
             )
         progress.update(
             running,
-            description=f"episode {len(outcomes) + 1} of {plan.episodes}, {feedback.arrived} of {feedback.robots} arrived",
+            description=f"episode {len(outcomes) + 1} of {plan.episodes}, {feedback.arrived} robots arrived",
             completed=feedback.tick,
             total=feedback.t_max,
             visible=True,

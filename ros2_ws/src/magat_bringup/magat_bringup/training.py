@@ -39,9 +39,7 @@ def train_policy(
         ModelError: unknown name.
     """
     torch.set_num_threads(threads)
-    policy = PolicyConfig(
-        name, temperature=TrainConfig().policy.temperature if temperature is None else temperature
-    )
+    policy = PolicyConfig(name, temperature=TrainConfig().policy.temperature if temperature is None else temperature)
     config = TrainConfig(policy=policy, **changes)
     train = _solved(SPLITS["train"][: config.train_cases], "training cases", console)
     valid = _solved(SPLITS["valid"][: config.valid_cases], "validation cases", console)
@@ -78,8 +76,8 @@ A policy of decentralised multi-robot path planning (MAGAT, RA-L 2021), trained 
 
 - Cases: {config.train_cases} for training, {config.valid_cases} for validation (seed {SET_SEED}, from number 0 and from
   number {SPLITS["valid"].start}).
-- Training: {records[-1]["step"]} steps of {config.batch} instants, each turned by one of the 8 symmetries of the grid; Adam,
-  {config.first_rate:g} to {config.last_rate:g} by cosine, L2 {config.weight_decay:g}, seed {config.seed}.
+- Training: {records[-1]["step"]} steps of {config.batch} instants, each turned by one of the 8 symmetries of the grid;
+  Adam, {config.first_rate:g} to {config.last_rate:g} by cosine, L2 {config.weight_decay:g}, seed {config.seed}.
 - Time: {records[-1]["seconds"] / 60:.0f} minutes on one core.
 - Chosen: the checkpoint of step {best["step"]}, by alpha - 0.1 delta_FT in simulated validation episodes.
 - Sampling temperature: {config.policy.temperature:g}. Shield in validation: idle. All measures are of the deployed

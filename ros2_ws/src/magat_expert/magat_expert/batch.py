@@ -3,27 +3,28 @@
 from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from typing import Protocol
 
-import numpy as np
+import numpy.typing as npt
 
 from magat_expert.instance import InvalidInstanceError, validate_limits
 from magat_expert.solver import Solution, StopFlag, solve
 
 
-@dataclass(frozen=True)
-class Case:
-    """One instance, as `solve` takes it.
+class Case(Protocol):
+    """Any object with an instance as `solve` takes it: obstacles `[H, W]`, starts and goals `[N, 2]`, cells `(x, y)`."""
 
-    Attributes:
-        obstacles: bool `[H, W]`, indexed `[y, x]`.
-        starts: int `[N, 2]`, cells `(x, y)`.
-        goals: int `[N, 2]`, cells `(x, y)`.
-    """
+    @property
+    def obstacles(self) -> npt.ArrayLike:
+        """``[H, W]`` bool, indexed ``[y, x]``."""
 
-    obstacles: np.ndarray
-    starts: np.ndarray
-    goals: np.ndarray
+    @property
+    def starts(self) -> npt.ArrayLike:
+        """``[N, 2]`` int."""
+
+    @property
+    def goals(self) -> npt.ArrayLike:
+        """``[N, 2]`` int."""
 
 
 def solve_many(

@@ -79,8 +79,7 @@ def validate_limits(w: float, time_limit: float, node_limit: int | None) -> tupl
     w = _number(w, "w")
     if not 1.0 <= w <= MAX_W:
         raise InvalidInstanceError(
-            f"w is {w}: a solution costs at most w times the lower bound, "
-            f"so choose w from 1 (optimal) to {MAX_W:g}"
+            f"w is {w}: a solution costs at most w times the lower bound, so choose w from 1 (optimal) to {MAX_W:g}"
         )
     time_limit = _number(time_limit, "time_limit")
     if not time_limit > 0.0:
@@ -90,9 +89,7 @@ def validate_limits(w: float, time_limit: float, node_limit: int | None) -> tupl
     try:
         node_limit = operator.index(node_limit)
     except TypeError:
-        raise InvalidInstanceError(
-            f"node_limit is {node_limit!r}: give a whole number, or None for no limit"
-        ) from None
+        raise InvalidInstanceError(f"node_limit is {node_limit!r}: give a whole number, or None for no limit") from None
     if not 0 <= node_limit < 2**63:
         raise InvalidInstanceError(f"node_limit is {node_limit}: give 0 or more, or None for no limit")
     return w, time_limit, node_limit
@@ -122,9 +119,7 @@ def _mask(obstacles: ArrayLike) -> np.ndarray:
             f"obstacles have shape {mask.shape}: give a map of shape [H, W] with at least one cell"
         )
     if max(mask.shape) > MAX_SIDE:
-        raise InvalidInstanceError(
-            f"obstacles have shape {mask.shape}: at most {MAX_SIDE} cells a side are supported"
-        )
+        raise InvalidInstanceError(f"obstacles have shape {mask.shape}: at most {MAX_SIDE} cells a side are supported")
     if mask.dtype.kind not in "biu":
         raise InvalidInstanceError(f"obstacles have dtype {mask.dtype}: give bool, True on obstacles")
     if mask.dtype.kind != "b" and not np.isin(mask, (0, 1)).all():

@@ -99,8 +99,7 @@ def fill_response(response: SolveMapf.Response, solution: Solution, request: Sol
         response.message = "the expert is shutting down"
     else:
         response.message = (
-            f"not solved within {request.time_limit:g} s: allow more time or a larger w; "
-            "there may be no solution"
+            f"not solved within {request.time_limit:g} s: allow more time or a larger w; there may be no solution"
         )
 
 

@@ -87,9 +87,7 @@ def solve(
     return solve_instance(validate_instance(obstacles, starts, goals), w, time_limit, node_limit, stop)
 
 
-def solve_instance(
-    instance: Instance, w: float, time_limit: float, node_limit: int, stop: StopFlag | None
-) -> Solution:
+def solve_instance(instance: Instance, w: float, time_limit: float, node_limit: int, stop: StopFlag | None) -> Solution:
     """`solve` for what `validate_instance` and `validate_limits` returned."""
     status, paths, cost, lower_bound, seconds, high, low = _core.solve(
         instance.obstacles, instance.starts, instance.goals, w, time_limit, node_limit, stop

@@ -26,12 +26,7 @@ def check_paths(obstacles: ArrayLike, starts: ArrayLike, goals: ArrayLike, paths
     starts = np.asarray(starts, dtype=np.int64)
     goals = np.asarray(goals, dtype=np.int64)
     paths = np.asarray(paths)
-    if (
-        paths.ndim != 3
-        or paths.shape[0] < 1
-        or paths.shape[1:] != starts.shape
-        or starts.shape != goals.shape
-    ):
+    if paths.ndim != 3 or paths.shape[0] < 1 or paths.shape[1:] != starts.shape or starts.shape != goals.shape:
         return [
             f"paths have shape {paths.shape}, starts {starts.shape}, goals {goals.shape}: "
             "not [T + 1, N, 2], [N, 2], [N, 2]"
@@ -40,9 +35,7 @@ def check_paths(obstacles: ArrayLike, starts: ArrayLike, goals: ArrayLike, paths
         return [f"paths have dtype {paths.dtype}, not integers"]
     paths = paths.astype(np.int64)
 
-    violations = _wrong_ends(paths[0], starts, "begins", "start") + _wrong_ends(
-        paths[-1], goals, "ends", "goal"
-    )
+    violations = _wrong_ends(paths[0], starts, "begins", "start") + _wrong_ends(paths[-1], goals, "ends", "goal")
     off_map = _off_map(paths, blocked.shape)
     if off_map:
         return violations + off_map  # cells off the map have no index, so the rest cannot be checked
@@ -62,8 +55,7 @@ def _show(cell: np.ndarray) -> str:
 def _wrong_ends(found: np.ndarray, wanted: np.ndarray, verb: str, name: str) -> list[str]:
     wrong = np.flatnonzero((found != wanted).any(axis=1))
     return [
-        f"robot {r} {verb} on {_show(found[r])}, and its {name} is {_show(wanted[r])}"
-        for r in wrong[:_MOST_REPORTED]
+        f"robot {r} {verb} on {_show(found[r])}, and its {name} is {_show(wanted[r])}" for r in wrong[:_MOST_REPORTED]
     ]
 
 
@@ -71,16 +63,12 @@ def _off_map(paths: np.ndarray, shape: tuple[int, ...]) -> list[str]:
     height, width = shape
     x, y = paths[..., 0], paths[..., 1]
     where = np.argwhere((x < 0) | (y < 0) | (x >= width) | (y >= height))
-    return [
-        f"robot {r} is off the map at time {t}, on {_show(paths[t, r])}" for t, r in where[:_MOST_REPORTED]
-    ]
+    return [f"robot {r} is off the map at time {t}, on {_show(paths[t, r])}" for t, r in where[:_MOST_REPORTED]]
 
 
 def _on_obstacles(paths: np.ndarray, blocked: np.ndarray) -> list[str]:
     where = np.argwhere(blocked[paths[..., 1], paths[..., 0]])
-    return [
-        f"robot {r} is on an obstacle at time {t}, on {_show(paths[t, r])}" for t, r in where[:_MOST_REPORTED]
-    ]
+    return [f"robot {r} is on an obstacle at time {t}, on {_show(paths[t, r])}" for t, r in where[:_MOST_REPORTED]]
 
 
 def _jumps(paths: np.ndarray) -> list[str]:
@@ -116,7 +104,5 @@ def _swap_conflicts(paths: np.ndarray, shape: tuple[int, ...]) -> list[str]:
     violations = []
     for t, i in where[:_MOST_REPORTED]:
         a, b = sorted((int(order[t, i]), int(order[t, i + 1])))
-        violations.append(
-            f"robots {a} and {b} swap {_show(paths[t, a])} and {_show(paths[t, b])} after time {t}"
-        )
+        violations.append(f"robots {a} and {b} swap {_show(paths[t, a])} and {_show(paths[t, b])} after time {t}")
     return violations

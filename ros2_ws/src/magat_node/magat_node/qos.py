@@ -14,5 +14,5 @@ def reliable(depth: int) -> QoSProfile:
 
 
 def shared_depth(robots: int) -> int:
-    """Queue depth of a topic on which a team of ``robots`` speaks at once: some ticks' messages, and room for strangers'."""
+    """Queue depth of a topic on which a team of ``robots`` speaks at once: some ticks, and room for strangers."""
     return 4 * robots + 64

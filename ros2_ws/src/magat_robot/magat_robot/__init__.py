@@ -1,1 +1,1 @@
-"""What a robot carries: its copy of the policy, its side of the message exchange, and the node that connects them to ROS."""
+"""What a robot carries: its copy of the policy, its side of the message exchange, and the node around them."""

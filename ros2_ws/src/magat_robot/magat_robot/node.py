@@ -17,7 +17,7 @@ from magat_node.run import run_node
 from magat_robot.exchange import Exchange
 from magat_robot.policy.config import ModelError
 from magat_robot.policy.network import OBSERVATION_SHAPE
-from magat_robot.policy.policy import Encoding, Policy
+from magat_robot.policy.policy import Encoding
 from magat_robot.policy.store import load
 
 #: Seconds between hellos while waiting, and how long a hello heard counts.
@@ -106,7 +106,9 @@ class RobotNode(Node):
                 self._peers[message.tag] = time.monotonic()
             return
         if message.round != 0 or message.encoding != Feature.FLOAT32:
-            self._exchange.drop(f"round {message.round}, encoding {message.encoding}: this policy has round 0, encoding 0")
+            self._exchange.drop(
+                f"round {message.round}, encoding {message.encoding}: this policy has round 0, encoding 0"
+            )
             return
         mine = self._exchange.receive(message.episode, message.tick, message.tag, message.payload.tobytes())
         if mine and self._encoding is not None and self._exchange.complete:

@@ -1,7 +1,7 @@
 """Several robot processes from one: imports torch and ROS once, then forks one process a robot.
 
-Forked robots share the memory of what was imported, and start in a fraction of the time; apart from that each is the same
-process as one started alone. Forking comes before ROS is initialised: threads and sockets do not survive it.
+Forked robots share the memory of what was imported, and start in a fraction of the time; apart from that each is the
+same process as one started alone. Forking comes before ROS is initialised: threads and sockets do not survive it.
 """
 
 import argparse
@@ -24,8 +24,8 @@ _SIGNALLED = 128
 def run_robots(names: list[str], ros_arguments: list[str]) -> int:
     """Run robots until all have ended.
 
-    SIGINT and SIGTERM are passed on to them. Each robot that ends is reported on standard output, as ``NAME STATUS``, and the
-    robots die with this process, however it ends.
+    SIGINT and SIGTERM are passed on to them. Each robot that ends is reported on standard output, as ``NAME STATUS``,
+    and the robots die with this process, however it ends.
 
     Args:
         names: their names, which are their namespaces; may have slashes.

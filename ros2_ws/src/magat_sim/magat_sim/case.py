@@ -42,15 +42,18 @@ def make_case(obstacles: npt.ArrayLike, starts: npt.ArrayLike, goals: npt.ArrayL
         InvalidCaseError: wrong shapes or values, a cell outside the map or on an obstacle, a start or goal that two
             robots share, or a goal that cannot be reached from its start.
     """
-    grid = np.asarray(obstacles)
-    if grid.ndim != 2 or grid.size == 0:
-        raise InvalidCaseError(f"the map has shape {grid.shape}: give a non-empty [height, width] array")
-    if not np.isin(grid, (0, 1)).all():
-        raise InvalidCaseError(f"the map holds the value {grid[~np.isin(grid, (0, 1))][0]}: use 0 (free) and 1 (obstacle)")
-    grid = grid.astype(bool)
+    values = _numbers(obstacles, "the map")
+    if values.ndim != 2 or values.size == 0:
+        raise InvalidCaseError(f"the map has shape {values.shape}: give a non-empty [height, width] array")
+    wrong = ~np.isin(values, (0, 1))
+    if wrong.any():
+        raise InvalidCaseError(f"the map holds the value {values[wrong][0]:g}: use 0 (free) and 1 (obstacle)")
+    grid = values.astype(bool)
     cells = {"start": _cells(starts, "starts"), "goal": _cells(goals, "goals")}
     if len(cells["start"]) != len(cells["goal"]):
-        raise InvalidCaseError(f"{len(cells['start'])} starts but {len(cells['goal'])} goals: give one of each per robot")
+        raise InvalidCaseError(
+            f"{len(cells['start'])} starts but {len(cells['goal'])} goals: give one of each per robot"
+        )
     for what, where in cells.items():
         _check_cells(grid, where, what)
     regions, _ = ndimage.label(~grid)
@@ -83,9 +86,9 @@ def draw_case(
     # Only random() is drawn: its stream is part of numpy's compatibility promise, unlike choice() or shuffle().
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, number])))
     for _ in range(1000):
-        grid = np.zeros(width * height, dtype=bool)
-        grid[np.argsort(rng.random(width * height), kind="stable")[:count]] = True
-        grid = grid.reshape(height, width)
+        cells = np.zeros(width * height, dtype=bool)
+        cells[np.argsort(rng.random(width * height), kind="stable")[:count]] = True
+        grid = cells.reshape(height, width)
         y, x = np.nonzero(~grid)
         free = np.stack([x, y], axis=1).astype(np.int64)
         starts = free[np.argsort(rng.random(len(free)), kind="stable")[:robots]]
@@ -99,7 +102,7 @@ def draw_case(
 
 
 def _draw_goals(grid: BoolArray, starts: IntArray, shuffled: IntArray) -> IntArray | None:
-    """For each start the first cell of ``shuffled`` that it can reach and no robot before it took; None if none is left."""
+    """For each start the first cell of ``shuffled`` that it can reach and that is not taken; None if none is left."""
     regions, _ = ndimage.label(~grid)
     region_of = at(regions, shuffled)
     taken = np.zeros(len(shuffled), dtype=bool)
@@ -113,14 +116,25 @@ def _draw_goals(grid: BoolArray, starts: IntArray, shuffled: IntArray) -> IntArr
     return goals
 
 
+def _numbers(values: npt.ArrayLike, what: str) -> npt.NDArray[np.float64]:
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (ValueError, TypeError, OverflowError) as error:
+        raise InvalidCaseError(f"{what}: {error}; give an array of numbers") from error
+
+
 def _cells(cells: npt.ArrayLike, what: str) -> IntArray:
-    array = np.asarray(cells)
+    array = _numbers(cells, what)
     if array.ndim != 2 or array.shape[1] != 2 or len(array) == 0:
         raise InvalidCaseError(f"{what} have shape {array.shape}: give [N, 2] cells (x, y), N at least 1")
-    whole = array.astype(np.int64) if np.isfinite(array.astype(np.float64)).all() else None
-    if whole is None or (whole != array).any():
-        raise InvalidCaseError(f"{what} hold numbers that are no whole cells: {array.tolist()}")
-    return whole
+    # Written so that NaN fails, too; no map reaches 2**31.
+    whole = (np.floor(array) == array) & (np.abs(array) < 2**31)
+    if not whole.all():
+        robot = int(np.flatnonzero(~whole.all(axis=1))[0])
+        raise InvalidCaseError(
+            f"robot {robot}: {what} hold {array[robot].tolist()}, which is no cell: give whole numbers"
+        )
+    return array.astype(np.int64)
 
 
 def _check_cells(grid: BoolArray, cells: IntArray, what: str) -> None:
@@ -138,7 +152,9 @@ def _check_cells(grid: BoolArray, cells: IntArray, what: str) -> None:
     if shared.any():
         robot = int(np.flatnonzero(shared)[0])
         other = int(first[inverse.ravel()[robot]])
-        raise InvalidCaseError(f"robots {other} and {robot} share the {what} {_text(cells[robot])}: {what}s must differ")
+        raise InvalidCaseError(
+            f"robots {other} and {robot} share the {what} {_text(cells[robot])}: {what}s must differ"
+        )
 
 
 def _text(cell: IntArray) -> str:

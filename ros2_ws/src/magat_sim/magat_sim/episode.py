@@ -19,9 +19,11 @@ class EpisodeStreams:
 
 
 def episode_streams(seed: int, number: int, robots: int) -> EpisodeStreams:
-    """The streams of episode ``number`` under ``seed`` for a team of ``robots``; independent of the case's own drawing."""
+    """The streams of episode ``number`` under ``seed`` for a team of ``robots``; independent of the case."""
     # The spawn key keeps these apart from the draws that made the case of the same seed and number.
-    state = np.random.SeedSequence([seed, number], spawn_key=(1,)).generate_state(robots + 2, np.uint64)
+    state = (
+        np.random.SeedSequence([seed, number], spawn_key=(1,)).generate_state(robots + 2, np.uint64).astype(np.uint64)
+    )
     return EpisodeStreams(
         shield=np.random.Generator(np.random.PCG64(int(state[0]))),
         tags=np.random.Generator(np.random.PCG64(int(state[1]))),

@@ -36,8 +36,8 @@ def field_of_view(
         goal: ``[R, 2]`` cells ``(x, y)``.
 
     Returns:
-        ``[R, 3, 11, 11]`` uint8 of 0 and 1, rows along y (up), columns along x; the robot is at ``[:, 5, 5]``. The outer
-        ring is zero but for the goal's mark: a goal out of view is marked where the line to it crosses the ring.
+        ``[R, 3, 11, 11]`` uint8 of 0 and 1, rows along y (up), columns along x; the robot is at ``[:, 5, 5]``. The
+        outer ring is zero but for the goal's mark: a goal out of view is marked where the line to it crosses the ring.
     """
     _, height, width = obstacles.shape
     window = (np.arange(2 * RADIUS + 1)[:, None] * width + np.arange(2 * RADIUS + 1)).ravel()
@@ -55,7 +55,7 @@ def field_of_view(
 
 
 def _goal_mark(offset: IntArray) -> IntArray:
-    """``[R, 2]`` offset of the mark for goals at ``offset``: the goal itself if in view, else its projection on the ring."""
+    """``[R, 2]`` offset of the mark for goals at ``offset``: the goal if in view, else its projection on the ring."""
     distance = np.abs(offset).max(axis=1, keepdims=True)
     far = distance > RADIUS
     # Rounded half away from zero, in integers: rotating or mirroring the world does the same to the mark.

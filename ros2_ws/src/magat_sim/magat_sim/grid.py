@@ -61,7 +61,9 @@ def primitives_between(before: npt.ArrayLike, after: npt.ArrayLike) -> IntArray:
     step = np.asarray(after, dtype=np.int64) - np.asarray(before, dtype=np.int64)
     if (np.abs(step).sum(axis=-1) > 1).any():
         bad = step[np.abs(step).sum(axis=-1) > 1][0]
-        raise ValueError(f"a step of {tuple(int(v) for v in bad)} cells is no motion primitive: paths move one cell at a time")
+        raise ValueError(
+            f"a step of {tuple(int(v) for v in bad)} cells is no motion primitive: paths move one cell at a time"
+        )
     dx, dy = step[..., 0], step[..., 1]
     up_down = np.where(dy > 0, Primitive.UP, Primitive.DOWN)
     left_right = np.where(dx > 0, Primitive.RIGHT, Primitive.LEFT)

@@ -40,22 +40,24 @@ class EpisodeMeasures:
     @property
     def delta_ft(self) -> float:
         """(FT - FT*) / FT* by first visits; NaN without an expert's solution."""
-        return _increase(self.flowtime.first_visit, self.expert_flowtime and self.expert_flowtime.first_visit)
+        return _increase(self.flowtime.first_visit, self.expert_flowtime.first_visit if self.expert_flowtime else None)
 
     @property
     def delta_ft_strict(self) -> float:
         """(FT - FT*) / FT* by last arrivals; NaN without an expert's solution."""
-        return _increase(self.flowtime.last_arrival, self.expert_flowtime and self.expert_flowtime.last_arrival)
+        return _increase(
+            self.flowtime.last_arrival, self.expert_flowtime.last_arrival if self.expert_flowtime else None
+        )
 
 
 def expert_flowtime(paths: npt.ArrayLike, goals: IntArray) -> Flowtime:
-    """FT* of the expert's ``paths`` (``[T + 1, N, 2]`` cells, ending on ``goals`` ``[N, 2]``), measured as the robots' is."""
+    """FT* of the expert's ``paths`` (``[T + 1, N, 2]`` cells, ending on ``goals`` ``[N, 2]``), measured as FT is."""
     on_goal = (np.asarray(paths) == goals).all(axis=2)
     return Flowtime(int(first_visits(on_goal).sum()), int(last_arrivals(on_goal).sum()))
 
 
 def first_visits(on_goal: BoolArray) -> IntArray:
-    """``[N]`` first step at which each robot is on its goal; ``on_goal`` is ``[T + 1, N]``, each robot at least once there."""
+    """``[N]`` first step at which each robot is on its goal; ``on_goal`` is ``[T + 1, N]``, each robot there once."""
     return on_goal.argmax(axis=0)
 
 

@@ -1,4 +1,4 @@
-"""The simulator node: runs episodes on a team of robots, each its own process, for whoever calls the RunEpisode action."""
+"""The simulator node: runs episodes on a team of robot processes, for whoever calls the RunEpisode action."""
 
 import array
 import secrets
@@ -31,11 +31,13 @@ HELLO_PERIOD = 0.2
 class DeferredActionServer(ActionServer):
     """An action server whose goals are ended by events to come.
 
-    rclpy runs a goal in a callback, and one that awaits keeps an EventsExecutor busy. Here the callback starts the work and
-    returns; `finish` ends the goal when the result is there.
+    rclpy runs a goal in a callback, and one that awaits keeps an EventsExecutor busy. Here the callback starts the work
+    and returns; `finish` ends the goal when the result is there.
     """
 
-    def __init__(self, node: Node, action_type: type, name: str, start: Callable[[ServerGoalHandle], None], **options: object) -> None:
+    def __init__(
+        self, node: Node, action_type: type, name: str, start: Callable[[ServerGoalHandle], None], **options: object
+    ) -> None:
         super().__init__(node, action_type, name, lambda goal: None, **options)
         self._start = start
 
@@ -138,7 +140,9 @@ class SimulatorNode(Node):
         columns = [request.start_x, request.start_y, request.goal_x, request.goal_y]
         lengths = [len(column) for column in columns]
         if lengths != [robots] * 4:
-            raise InvalidCaseError(f"starts and goals of {lengths} coordinates for a team of {robots}: send one a robot")
+            raise InvalidCaseError(
+                f"starts and goals of {lengths} coordinates for a team of {robots}: send one a robot"
+            )
         cells = np.stack([np.asarray(column, dtype=np.int64) for column in columns], axis=1)
         return make_case(grid.reshape(height, width), cells[:, :2], cells[:, 2:])
 
@@ -300,7 +304,16 @@ class SimulatorNode(Node):
         if episode is not None:
             elapsed = time.monotonic() - self._started
             measures = episode.simulator.measures([self._expert])[0]
-            for name in ("success", "success_strict", "delta_ft", "delta_ft_strict", "p_rg", "makespan", "t_max", "ticks"):
+            for name in (
+                "success",
+                "success_strict",
+                "delta_ft",
+                "delta_ft_strict",
+                "p_rg",
+                "makespan",
+                "t_max",
+                "ticks",
+            ):
                 setattr(result, name, getattr(measures, name))
             result.flowtime = measures.flowtime.first_visit
             result.expert_flowtime = self._expert.first_visit if self._expert else 0

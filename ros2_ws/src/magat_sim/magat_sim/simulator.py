@@ -58,7 +58,9 @@ class Simulator:
             ValueError: lengths differ, or streams are for another number of robots.
         """
         if not len(cases) == len(t_max) == len(streams) or not cases:
-            raise ValueError(f"{len(cases)} cases, {len(t_max)} t_max, {len(streams)} streams: give one of each per world")
+            raise ValueError(
+                f"{len(cases)} cases, {len(t_max)} t_max, {len(streams)} streams: give one of each per world"
+            )
         for case, stream in zip(cases, streams, strict=True):
             if case.robots != len(stream.robots):
                 raise ValueError(f"streams for {len(stream.robots)} robots, but the case has {case.robots}")

@@ -1,4 +1,4 @@
-"""Who of the team is there: readiness before an episode, silence and return during one. Free of ROS; time is passed in."""
+"""Who of the team is there: readiness before an episode, silence and return during one. No ROS; time is passed in."""
 
 from dataclasses import dataclass, field
 

@@ -38,9 +38,7 @@ class SolvedCase:
         return T_MAX_FACTOR * (len(self.paths) - 1)
 
 
-def solved_cases(
-    numbers: Sequence[int], seed: int = SET_SEED, workers: int = 2, **size: float
-) -> Iterator[SolvedCase]:
+def solved_cases(numbers: Sequence[int], seed: int = SET_SEED, workers: int = 2, **size: float) -> Iterator[SolvedCase]:
     """Draw and solve the cases ``numbers`` under ``seed``, in order; those without an expert's solution are left out.
 
     Args:

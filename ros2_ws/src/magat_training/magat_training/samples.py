@@ -12,6 +12,7 @@ from magat_sim.radio import neighbours
 from magat_training import symmetry
 from magat_training.cases import SolvedCase
 
+
 @dataclass(frozen=True)
 class Batch:
     """B instants of N robots each, R = B * N rows."""
@@ -22,6 +23,7 @@ class Batch:
     heard: IntArray
     #: ``[R]`` the expert's primitives.
     action: IntArray
+
 
 class Samples:
     """All instants of the expert's solutions of maps of one size and teams of one size.

@@ -27,7 +27,7 @@ def _turned_primitives() -> npt.NDArray[np.int64]:
     table = np.empty((len(SYMMETRIES), len(DELTAS)), dtype=np.int64)
     for symmetry in range(len(SYMMETRIES)):
         for primitive, delta in enumerate(turn_cells(DELTAS, symmetry)):
-            table[symmetry, primitive] = int(np.flatnonzero((DELTAS == delta).all(axis=1))[0])
+            table[symmetry, primitive] = int(np.flatnonzero((delta == DELTAS).all(axis=1))[0])
     return table
 
 

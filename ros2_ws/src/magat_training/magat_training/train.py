@@ -5,7 +5,7 @@ import json
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ from magat_training.samples import Samples
 class TrainConfig:
     """How a policy is trained. The paper's values where the paper gives one."""
 
-    policy: PolicyConfig = PolicyConfig(temperature=1.5)
+    policy: PolicyConfig = field(default_factory=lambda: PolicyConfig(temperature=1.5))
     #: Training cases (numbers from 0) and validation cases.
     train_cases: int = 21_000
     valid_cases: int = 300
@@ -56,7 +56,7 @@ class Trainer:
         self._samples = Samples(train)
         self._valid = valid
         torch.manual_seed(config.seed)
-        self.network = PolicyNetwork(config.policy).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.network = PolicyNetwork(config.policy).to(memory_format=torch.channels_last)
         self._optimiser = torch.optim.Adam(
             self.network.parameters(), config.first_rate, weight_decay=config.weight_decay
         )

@@ -1,11 +1,12 @@
 """Arithmetic that comes out the same however it is grouped.
 
-A robot computes alone, a simulator computes thousands of robots at once, and floating-point sums depend on the grouping:
-now and then such a difference would flip a decision, and from there on two runs of one episode would go separate ways.
-A deployed policy therefore computes on grids: weights and activations are multiples of powers of two, chosen so that
-every sum of products is exact (below 2**24 units in float32, 2**53 in float64). Exact sums have no order. What is not a sum
-of products is a single rounding of a single number, or a look-up in a table. So the same inputs give the same bits at any
-batch size, in any order of messages, on any number of threads, and a seed decides the rest.
+A robot computes alone, a simulator computes thousands of robots at once, and floating-point sums depend on the
+grouping: now and then such a difference would flip a decision, and from there on two runs of one episode would go
+separate ways. A deployed policy therefore computes on grids: weights and activations are multiples of powers of two,
+chosen so that every sum of products is exact (below 2**24 units in float32, 2**53 in float64). Exact sums have no
+order. What is not a sum of products is a single rounding of a single number, or a look-up in a table. So the same
+inputs give the same bits at any batch size, in any order of messages, on any number of threads, and a seed decides
+the rest.
 """
 
 import functools
@@ -31,7 +32,7 @@ _MAX_WEIGHT_BITS = 14
 
 
 def snap(x: Tensor, bits: int, low: float, high: float) -> Tensor:
-    """``x`` rounded to multiples of ``2**-bits`` (half to even) and clamped to ``[low, high]``; same shape and dtype."""
+    """``x`` rounded to multiples of ``2**-bits`` (half to even), then clamped to ``[low, high]``; same shape, dtype."""
     return (x * 2.0**bits).round_().mul_(2.0**-bits).clamp_(low, high)
 
 
@@ -42,12 +43,12 @@ def rectified(x: Tensor, exact: bool) -> Tensor:
     return x.clamp(0.0, ACTIVATION_MAX)
 
 
-def weight_bits(weights: list[Tensor], bias: Tensor, input_bits: int, input_max: float) -> Tensor:
+def weight_bits(weights: list[Tensor], biases: list[Tensor], input_bits: int, input_max: float) -> Tensor:
     """How finely the weights that feed each output channel may be stored so that its float32 sum stays exact.
 
     Args:
         weights: tensors ``[C, ...]`` whose products are added up in output channel c.
-        bias: ``[C]``.
+        biases: tensors ``[C]``, added to them.
         input_bits: the inputs are multiples of ``2**-input_bits`` ...
         input_max: ... of at most this magnitude.
 
@@ -56,10 +57,11 @@ def weight_bits(weights: list[Tensor], bias: Tensor, input_bits: int, input_max:
         below 2**24 with a margin for the rounding of the weights themselves.
     """
     terms = sum(w[0].numel() for w in weights)
-    magnitude = sum(w.abs().flatten(1).sum(1) for w in weights)
+    magnitude = torch.stack([w.abs().flatten(1).sum(1) for w in weights]).sum(0)
+    bias = torch.stack([b.abs() for b in biases]).sum(0)
     # Rounding changes each of the `terms` weights by at most half a unit, and the bias by less than one.
     room = _FLOAT32_UNITS * 2.0**-input_bits / input_max - 0.5 * terms - 1.0
-    bits = torch.floor(torch.log2(room / (magnitude + bias.abs() / input_max).clamp_min(1e-9)))
+    bits = torch.floor(torch.log2(room / (magnitude + bias / input_max).clamp_min(1e-9)))
     if (bits < 0).any():
         raise ValueError(f"weights of magnitude {float(magnitude.max()):.3g} per output are too large for exact sums")
     return bits.clamp_max(_MAX_WEIGHT_BITS)
@@ -88,7 +90,9 @@ def exp_weights(exponents: Tensor, present: Tensor | None = None) -> Tensor:
     below = exponents.amax(dim=-1, keepdim=True) - exponents
     table = _exp_table()
     # A row with nobody present is inf - inf = nan: it counts as infinitely far below.
-    steps = (below * 2.0**EXPONENT_BITS).nan_to_num(len(table) - 1.0, posinf=len(table) - 1.0).clamp_max(len(table) - 1.0)
+    steps = (
+        (below * 2.0**EXPONENT_BITS).nan_to_num(len(table) - 1.0, posinf=len(table) - 1.0).clamp_max(len(table) - 1.0)
+    )
     return table[steps.long()]
 
 

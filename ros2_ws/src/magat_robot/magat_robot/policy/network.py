@@ -23,6 +23,12 @@ PRIMITIVES = 5
 LEAKY_SLOPE = 0.2
 
 
+class _Exactable(nn.Module):
+    """A module that computes on the grids of `fixed_point` once it is deployed."""
+
+    exact = False
+
+
 class ConvNorm(nn.Module):
     """Convolution, then batch normalisation; the latter is folded into the former on deployment."""
 
@@ -42,7 +48,7 @@ class ConvNorm(nn.Module):
         self.norm = nn.Identity()
 
 
-class ResidualBlock(nn.Module):
+class ResidualBlock(_Exactable):
     """``sigma(conv(sigma(conv(x))) + skip(x))``, the skip a strided 1x1 convolution."""
 
     def __init__(self, inputs: int, outputs: int, stride: int) -> None:
@@ -50,7 +56,6 @@ class ResidualBlock(nn.Module):
         self.first = ConvNorm(inputs, outputs, 3, stride)
         self.second = ConvNorm(outputs, outputs, 3, 1)
         self.skip = ConvNorm(inputs, outputs, 1, stride)
-        self.exact = False
 
     def forward(self, x: Tensor) -> Tensor:
         """``[R, inputs, H, W]`` to ``[R, outputs, ceil(H / stride), ceil(W / stride)]``."""
@@ -58,7 +63,7 @@ class ResidualBlock(nn.Module):
         return fp.rectified(self.second(inner) + self.skip(x), self.exact)
 
 
-class FeatureExtractor(nn.Module):
+class FeatureExtractor(_Exactable):
     """A convolution and three residual blocks, then 128 features: the CNN-based perception."""
 
     def __init__(self, channels: tuple[int, int, int]) -> None:
@@ -70,7 +75,6 @@ class FeatureExtractor(nn.Module):
         )
         self.flatten = nn.Flatten()
         self.linear = nn.Linear(third * 9, CNN_FEATURES)
-        self.exact = False
 
     def forward(self, view: Tensor) -> Tensor:
         """``[R, 3, 11, 11]`` float32 to ``[R, 128]``."""
@@ -78,7 +82,7 @@ class FeatureExtractor(nn.Module):
         return fp.rectified(self.linear(self.flatten(x).to(self.linear.weight.dtype)), self.exact)
 
 
-class GraphAttention(nn.Module):
+class GraphAttention(_Exactable):
     """One layer, K = 2: ``y_i = sigma(x_i A_0 + sum_j e_ij x_j A_1)`` per head, heads concatenated (Eq. 5 to 8).
 
     ``e_ij`` is the softmax over the receiver's neighbours j of ``LeakyReLU(x_i W x_j^T)``.
@@ -90,7 +94,6 @@ class GraphAttention(nn.Module):
         self.own = nn.Linear(inputs, heads * outputs, bias=False)  # A_0
         self.heard = nn.Parameter(torch.empty(heads, inputs, outputs))  # A_1
         self.heads = heads
-        self.exact = False
         # Scores start near zero, so that attention starts near the plain mean.
         nn.init.normal_(self.query.weight, std=0.1 / inputs)
         nn.init.kaiming_uniform_(self.own.weight, nonlinearity="relu")
@@ -117,7 +120,9 @@ class GraphAttention(nn.Module):
             weights = fp.exp_weights(fp.snap(score, fp.EXPONENT_BITS, -1e6, 1e6), present)
             return weights, weights.sum(-1, keepdim=True).clamp_min(1.0)
         weights = score.masked_fill(~present, -1e9).softmax(-1) * present
-        return weights, torch.ones_like(weights[..., :1]) if weights.shape[-1] else weights.new_ones(*weights.shape[:2], 1)
+        return weights, torch.ones_like(weights[..., :1]) if weights.shape[-1] else weights.new_ones(
+            *weights.shape[:2], 1
+        )
 
     def forward(self, x: Tensor, messages: Tensor, present: Tensor) -> Tensor:
         """``[R, F]``, ``[R, M, F]`` and ``[R, M]`` (see `attention`) to ``[R, P * G]``. M may be 0."""
@@ -129,7 +134,7 @@ class GraphAttention(nn.Module):
         return fp.rectified(self.own(x) + fused, self.exact)
 
 
-class PolicyNetwork(nn.Module):
+class PolicyNetwork(_Exactable):
     """CNN -> MLP -> graph attention -> MLP -> five logits."""
 
     def __init__(self, config: PolicyConfig) -> None:
@@ -141,7 +146,6 @@ class PolicyNetwork(nn.Module):
         fused = config.heads * config.features + (CNN_FEATURES if config.bottleneck else 0)
         self.hidden = nn.Linear(fused, config.hidden)
         self.action = nn.Linear(config.hidden, PRIMITIVES)
-        self.exact = False
 
     def encode(self, view: Tensor) -> tuple[Tensor, Tensor]:
         """Before the exchange: ``[R, 3, 11, 11]`` to the CNN's features ``[R, 128]`` and the message x ``[R, F]``."""
@@ -189,6 +193,7 @@ def deploy(network: PolicyNetwork) -> PolicyNetwork:
     extractor = deployed.extractor
     _snap_convs([extractor.stem], input_bits=0, input_max=1.0)
     for block in extractor.blocks:
+        assert isinstance(block, ResidualBlock)
         _snap_convs([block.first], fp.ACTIVATION_BITS, fp.ACTIVATION_MAX)
         # Their outputs are added up, so they share one sum, and one bound.
         _snap_convs([block.second, block.skip], fp.ACTIVATION_BITS, fp.ACTIVATION_MAX)
@@ -197,7 +202,7 @@ def deploy(network: PolicyNetwork) -> PolicyNetwork:
         for parameter in head.parameters():
             parameter.copy_((parameter * 2.0**fp.FLOAT64_WEIGHT_BITS).round() * 2.0**-fp.FLOAT64_WEIGHT_BITS)
     for module in deployed.modules():
-        if hasattr(module, "exact"):
+        if isinstance(module, _Exactable):
             module.exact = True
     return deployed
 
@@ -205,7 +210,7 @@ def deploy(network: PolicyNetwork) -> PolicyNetwork:
 def _snap_convs(layers: list[ConvNorm], input_bits: int, input_max: float) -> None:
     convs = [layer.conv for layer in layers]
     biases = [conv.bias for conv in convs if conv.bias is not None]
-    bits = fp.weight_bits([conv.weight for conv in convs], sum(b.abs() for b in biases), input_bits, input_max)
+    bits = fp.weight_bits([conv.weight for conv in convs], biases, input_bits, input_max)
     for conv in convs:
         conv.weight.copy_(fp.snap_rows(conv.weight, bits))
     for bias in biases:

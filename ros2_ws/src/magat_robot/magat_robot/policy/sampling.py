@@ -9,8 +9,8 @@ _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 def uniform(stream: npt.ArrayLike, tick: int) -> npt.NDArray[np.float64]:
     """The number that each robot draws at ``tick`` from its own stream.
 
-    Counter based (SplitMix64, Steele et al., OOPSLA 2014): a robot that was restarted in mid-episode draws what it would
-    have drawn.
+    Counter based (SplitMix64, Steele et al., OOPSLA 2014): a robot that was restarted in mid-episode draws what it
+    would have drawn.
 
     Args:
         stream: ``[R]`` uint64 seeds, one a robot.

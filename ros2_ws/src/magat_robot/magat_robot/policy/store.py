@@ -47,7 +47,7 @@ def load_network(folder: Path) -> tuple[PolicyNetwork, str]:
     digest = hashlib.sha256(data).hexdigest()
     if digest != expected:
         raise ModelError(
-            f"{weights_file} is damaged or belongs to another policy: its SHA-256 is {digest}, but {CONFIG} names {expected}"
+            f"{weights_file} is damaged or of another policy: its SHA-256 is {digest}, and {CONFIG} says {expected}"
         )
     network = PolicyNetwork(config)
     try:

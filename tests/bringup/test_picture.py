@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from magat_bringup.picture import EpisodeRecord, save_animation, save_picture
+from magat_bringup.animation import save_animation
+from magat_bringup.picture import save_picture
+from magat_bringup.record import EpisodeRecord
 from magat_sim.case import draw_case
 from magat_sim.episode import episode_streams
 from magat_sim.simulator import Simulator

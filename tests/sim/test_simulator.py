@@ -80,6 +80,13 @@ def test_the_same_seed_gives_the_same_episode_and_another_number_another(random_
     assert first.tolist() != other.tolist()
 
 
+def test_recorded_paths_begin_on_the_starts_and_have_every_step() -> None:
+    case = Case(np.zeros((2, 3), dtype=bool), np.array([[0, 0], [2, 0]]), np.array([[1, 1], [2, 0]]))
+    wishes = iter([[RIGHT, UP], [UP, DOWN]])
+    paths = run_recorded(simulator_of([case], [9], [0]), lambda _: next(wishes))
+    assert paths.tolist() == [[[0, 0], [2, 0]], [[1, 0], [2, 1]], [[1, 1], [2, 0]]]
+
+
 def test_the_shield_draws_from_the_streams_of_the_episode(arena: Callable) -> None:
     def winners(number: int) -> list[list[int]]:
         simulators = [arena(3, 1, [(0, 0), (2, 0)], number=number * 100 + i) for i in range(30)]

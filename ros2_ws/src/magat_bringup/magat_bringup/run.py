@@ -17,11 +17,13 @@ from rich.progress import (
 )
 from rich.table import Table
 
+from magat_bringup.animation import save_animation
 from magat_bringup.client import EpisodeClient, EpisodeOutcome
 from magat_bringup.environment import loopback, own_domain
 from magat_bringup.models import find_policy
-from magat_bringup.picture import EpisodeRecord, save_animation, save_picture
+from magat_bringup.picture import save_picture
 from magat_bringup.processes import TeamPlan, TeamProcesses
+from magat_bringup.record import EpisodeRecord
 from magat_interfaces.action import RunEpisode
 
 

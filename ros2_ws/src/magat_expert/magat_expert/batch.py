@@ -12,7 +12,7 @@ from magat_expert.solver import Solution, StopFlag, solve
 
 
 class Case(Protocol):
-    """Any object with an instance as `solve` takes it: obstacles `[H, W]`, starts and goals `[N, 2]`, cells `(x, y)`."""
+    """An object with an instance as `solve` takes it: obstacles `[H, W]`, starts and goals `[N, 2]`, cells `(x, y)`."""
 
     @property
     def obstacles(self) -> npt.ArrayLike:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 
 from magat_robot.policy.policy import Policy
 from magat_sim.episode import episode_streams
+from magat_sim.grid import IntArray
 from magat_sim.measures import EpisodeMeasures
 from magat_sim.rollout import run
 from magat_sim.simulator import Observation, Simulator
@@ -37,12 +38,16 @@ def evaluate(
         The measures of each case, in order.
     """
     simulator = simulator_for(solved, seed)
-
-    def decide(observation: Observation) -> object:
-        decision = policy.decide_together(
-            observation.field_of_view, observation.heard, observation.streams, observation.tick
-        )
-        return decision.primitives
-
-    run(simulator, decide, on_step)  # type: ignore[arg-type]
+    run_policy(policy, simulator, on_step)
     return simulator.measures([s.flowtime for s in solved])
+
+
+def run_policy(policy: Policy, simulator: Simulator, on_step: Callable[[Simulator], None] | None = None) -> None:
+    """Step ``simulator`` to its end, every robot carrying ``policy``; ``on_step`` is called after each step."""
+
+    def decide(observation: Observation) -> IntArray:
+        return policy.decide_together(
+            observation.field_of_view, observation.heard, observation.streams, observation.tick
+        ).primitives
+
+    run(simulator, decide, on_step)

@@ -24,6 +24,17 @@ class Batch:
     #: ``[R]`` the expert's primitives.
     action: IntArray
 
+    def join(self, other: "Batch") -> "Batch":
+        """The rows of this batch, then those of ``other``."""
+        width = max(self.heard.shape[1], other.heard.shape[1])
+        later = np.where(other.heard >= 0, other.heard + len(self.action), -1)
+        heard = [np.pad(h, ((0, 0), (0, width - h.shape[1])), constant_values=-1) for h in (self.heard, later)]
+        return Batch(
+            np.concatenate([self.view, other.view]),
+            np.concatenate(heard),
+            np.concatenate([self.action, other.action]),
+        )
+
 
 class Samples:
     """All instants of the expert's solutions of maps of one size and teams of one size.

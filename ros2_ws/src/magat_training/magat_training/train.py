@@ -19,6 +19,7 @@ from magat_robot.policy.policy import Policy
 from magat_sim.measures import SetMeasures, summarise
 from magat_training.cases import SolvedCase
 from magat_training.evaluate import evaluate
+from magat_training.online import solve, stuck_cases
 from magat_training.samples import Samples
 
 
@@ -40,23 +41,41 @@ class TrainConfig:
     weight_decay: float = 1e-5
     #: Steps between validations (simulated episodes) and checkpoints.
     validate_every: int = 1_000
+    #: From the step ``online_from`` on, every ``online_every`` steps, the online expert looks at ``online_cases``
+    #: training episodes; ``online_share`` of each batch then comes from what it added.
+    online_from: int = 4_000
+    online_every: int = 1_000
+    online_cases: int = 600
+    online_share: float = 0.25
     seed: int = 0
 
 
 class Trainer:
     """One training run in a folder: its checkpoint, its best weights, its log (a JSON object a line)."""
 
-    def __init__(self, config: TrainConfig, folder: Path, train: list[SolvedCase], valid: list[SolvedCase]) -> None:
-        """Start a run in ``folder``, or resume the one that is there."""
+    def __init__(
+        self,
+        config: TrainConfig,
+        folder: Path,
+        train: list[SolvedCase],
+        valid: list[SolvedCase],
+        initial: PolicyNetwork | None = None,
+    ) -> None:
+        """Start a run in ``folder``, with the weights ``initial`` or random ones, or resume the one that is there."""
         self.config = config
         self.folder = folder
         self.step = 0
         self.best = -math.inf
         self.seconds = 0.0
+        self._train = train
         self._samples = Samples(train)
+        self._stuck: list[SolvedCase] = []
+        self._online: Samples | None = None
         self._valid = valid
         torch.manual_seed(config.seed)
         self.network = PolicyNetwork(config.policy).to(memory_format=torch.channels_last)
+        if initial is not None:
+            self.network.load_state_dict(initial.state_dict())
         self._optimiser = torch.optim.Adam(
             self.network.parameters(), config.first_rate, weight_decay=config.weight_decay
         )
@@ -73,6 +92,8 @@ class Trainer:
         losses: list[float] = []
         while self.step < self.config.steps:
             started = time.monotonic()
+            if self.step >= self.config.online_from and self.step % self.config.online_every == 0:
+                self._ask_online_expert()
             losses.append(self._train_step())
             self.step += 1
             self.seconds += time.monotonic() - started
@@ -91,7 +112,11 @@ class Trainer:
     def _train_step(self) -> float:
         config = self.config
         # Each step draws from a stream of its own, so that a resumed run goes on as if nothing had happened.
-        batch = self._samples.batch(np.random.default_rng([config.seed, self.step]), config.batch)
+        rng = np.random.default_rng([config.seed, self.step])
+        online = round(config.batch * config.online_share) if self._online is not None else 0
+        batch = self._samples.batch(rng, config.batch - online)
+        if self._online is not None and online:
+            batch = batch.join(self._online.batch(rng, online))
         share = 0.5 * (1 + math.cos(math.pi * self.step / config.steps))
         for group in self._optimiser.param_groups:
             group["lr"] = config.last_rate + (config.first_rate - config.last_rate) * share
@@ -103,13 +128,26 @@ class Trainer:
         self._optimiser.step()
         return loss.item()
 
+    def _ask_online_expert(self) -> None:
+        """Append cases that begin where the current policy got stuck on training cases."""
+        rng = np.random.default_rng([self.config.seed, self.step, 1])
+        chosen = rng.choice(len(self._train), min(self.config.online_cases, len(self._train)), replace=False)
+        self._append_online(stuck_cases(Policy(self.network), [self._train[i] for i in chosen], seed=self.step))
+
+    def _append_online(self, stuck: list[SolvedCase]) -> None:
+        self._stuck += stuck
+        solved = solve(self._stuck)
+        if solved:
+            self._online = Samples(solved)
+
     def _validate(self, loss: float) -> None:
         measures = summarise(evaluate(Policy(self.network), self._valid))
         score = _score(measures)
         if score > self.best:
             self.best = score
             torch.save(self.network.state_dict(), self.folder / "best.pt")
-        record = {"step": self.step, "loss": loss, "seconds": self.seconds, **dataclasses.asdict(measures)}
+        record = {"step": self.step, "loss": loss, "seconds": self.seconds, "online_cases": len(self._stuck)}
+        record |= dataclasses.asdict(measures)
         with (self.folder / "log.jsonl").open("a") as log:
             log.write(json.dumps(record) + "\n")
         self._save()
@@ -120,6 +158,7 @@ class Trainer:
             "step": self.step,
             "best": self.best,
             "seconds": self.seconds,
+            "stuck": [(s.number, torch.from_numpy(s.case.starts)) for s in self._stuck],
             "network": self.network.state_dict(),
             "optimiser": self._optimiser.state_dict(),
         }
@@ -132,6 +171,15 @@ class Trainer:
         if state["config"] != dataclasses.asdict(self.config):
             raise ValueError(f"{self._checkpoint} is of a run with another configuration: choose another folder")
         self.step, self.best, self.seconds = state["step"], state["best"], state["seconds"]
+        # The expert is deterministic: kept are the states in which it was asked, not its answers.
+        by_number = {s.number: s.case for s in self._train}
+        nowhere = np.zeros((0, 0, 2), dtype=np.int64)
+        self._append_online(
+            [
+                SolvedCase(number, dataclasses.replace(by_number[number], starts=starts.numpy()), nowhere)
+                for number, starts in state["stuck"]
+            ]
+        )
         self.network.load_state_dict(state["network"])
         self._optimiser.load_state_dict(state["optimiser"])
 

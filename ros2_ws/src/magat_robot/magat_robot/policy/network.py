@@ -120,9 +120,7 @@ class GraphAttention(_Exactable):
             weights = fp.exp_weights(fp.snap(score, fp.EXPONENT_BITS, -1e6, 1e6), present)
             return weights, weights.sum(-1, keepdim=True).clamp_min(1.0)
         weights = score.masked_fill(~present, -1e9).softmax(-1) * present
-        return weights, torch.ones_like(weights[..., :1]) if weights.shape[-1] else weights.new_ones(
-            *weights.shape[:2], 1
-        )
+        return weights, weights.new_ones(*weights.shape[:2], 1)
 
     def forward(self, x: Tensor, messages: Tensor, present: Tensor) -> Tensor:
         """``[R, F]``, ``[R, M, F]`` and ``[R, M]`` (see `attention`) to ``[R, P * G]``. M may be 0."""

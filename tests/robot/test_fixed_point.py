@@ -66,7 +66,7 @@ def test_weight_bits_keep_every_sum_below_two_to_the_24_units(
 ) -> None:
     weights, bias, input_bits, input_max = layers
     try:
-        bits = fp.weight_bits(weights, bias, input_bits, input_max)
+        bits = fp.weight_bits(weights, [bias], input_bits, input_max)
     except ValueError:
         # Refused: even whole numbers would not do, or only just.
         assert units(weights, bias, torch.zeros(len(bias)), input_bits, input_max).max() > 0.9 * 2**24
@@ -90,14 +90,14 @@ def units(
 
 def test_weight_bits_are_counted_channel_by_channel() -> None:
     weights = torch.tensor([[1.0, 1.0], [1000.0, 1.0], [0.0, 0.0]])
-    bits = fp.weight_bits([weights], torch.zeros(3), 6, 8.0)
+    bits = fp.weight_bits([weights], [torch.zeros(3)], 6, 8.0)
     # 2**24 / 2**6 / 8 is 2**15: less than 2**14 times two, more than 2**5 times a thousand.
     assert bits.tolist() == [13, 5, 14]
 
 
 def test_weights_too_large_for_any_grid_are_refused() -> None:
     with pytest.raises(ValueError, match="too large for exact sums"):
-        fp.weight_bits([torch.full((1, 9), 4000.0)], torch.zeros(1), 6, 8.0)
+        fp.weight_bits([torch.full((1, 9), 4000.0)], [torch.zeros(1)], 6, 8.0)
 
 
 @given(st.integers(0, 2**32 - 1))

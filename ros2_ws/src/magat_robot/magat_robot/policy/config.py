@@ -6,6 +6,9 @@ from typing import Any
 
 _NAME = re.compile(r"MAGAT-(?P<type>[FB])-(?P<features>\d+)(-P(?P<heads>\d+))?")
 
+#: No layer is wider; a damaged configuration must not claim all memory.
+MAX_SIZE = 4096
+
 
 class ModelError(ValueError):
     """A policy folder, name or configuration that cannot be used; the message says why and what to do."""
@@ -31,8 +34,9 @@ class PolicyConfig:
     def __post_init__(self) -> None:
         if not _NAME.fullmatch(self.name):
             raise ModelError(f"unknown policy name {self.name!r}: use e.g. MAGAT-F-128, MAGAT-B-32 or MAGAT-B-32-P4")
-        if len(self.channels) != 3 or min(*self.channels, self.hidden, self.features, self.heads) < 1:
-            raise ModelError(f"sizes must be positive, three channels: {self}")
+        sizes = [*self.channels, self.hidden, self.features, self.heads]
+        if len(self.channels) != 3 or not all(1 <= size <= MAX_SIZE for size in sizes):
+            raise ModelError(f"there are three channels, and sizes lie within 1 and {MAX_SIZE}: {self}")
         if not 0.01 <= self.temperature <= 100:
             raise ModelError(f"temperature {self.temperature} is not within 0.01 and 100")
 
@@ -68,7 +72,7 @@ class PolicyConfig:
         try:
             channels = tuple(int(c) for c in values["channels"])
             return cls(str(values["name"]), channels, int(values["hidden"]), float(values["temperature"]))  # type: ignore[arg-type]
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise ModelError(f"unusable policy configuration {values}: {error}") from error
 
     def _part(self, group: str) -> str | None:

@@ -25,8 +25,10 @@ SIGNED_MAX = 64.0
 EXPONENT_BITS = 8
 #: exp() is rounded to multiples of 2**-EXP_TABLE_BITS.
 EXP_TABLE_BITS = 24
-#: Weights of layers computed in float64.
+#: Weights of layers computed in float64 are multiples of 2**-FLOAT64_WEIGHT_BITS, and add up to at most
+#: FLOAT64_WEIGHT_SUM in magnitude: times inputs of 8 in multiples of 2**-8, that stays below 2**53 units.
 FLOAT64_WEIGHT_BITS = 16
+FLOAT64_WEIGHT_SUM = 2.0**24
 _FLOAT32_UNITS = 2.0**24
 _MAX_WEIGHT_BITS = 14
 
@@ -57,20 +59,32 @@ def weight_bits(weights: list[Tensor], biases: list[Tensor], input_bits: int, in
         below 2**24 with a margin for the rounding of the weights themselves.
     """
     terms = sum(w[0].numel() for w in weights)
-    magnitude = torch.stack([w.abs().flatten(1).sum(1) for w in weights]).sum(0)
-    bias = torch.stack([b.abs() for b in biases]).sum(0)
+    # In float64: in float32 these very sums would be rounded.
+    magnitude = torch.stack([w.double().abs().flatten(1).sum(1) for w in weights]).sum(0)
+    bias = torch.stack([b.double().abs() for b in biases]).sum(0)
     # Rounding changes each of the `terms` weights by at most half a unit, and the bias by less than one.
     room = _FLOAT32_UNITS * 2.0**-input_bits / input_max - 0.5 * terms - 1.0
     bits = torch.floor(torch.log2(room / (magnitude + bias / input_max).clamp_min(1e-9)))
     if (bits < 0).any():
         raise ValueError(f"weights of magnitude {float(magnitude.max()):.3g} per output are too large for exact sums")
-    return bits.clamp_max(_MAX_WEIGHT_BITS)
+    return bits.clamp_max(_MAX_WEIGHT_BITS).float()
 
 
 def snap_rows(tensor: Tensor, bits: Tensor) -> Tensor:
     """``tensor`` ``[C, ...]``, row c rounded to multiples of ``2**-bits[c]``."""
     unit = torch.exp2(-bits).view(-1, *[1] * (tensor.dim() - 1))
     return (tensor / unit).round() * unit
+
+
+def snap_float64(weights: Tensor, name: str) -> Tensor:
+    """``weights`` of a layer computed in float64, on their grid.
+
+    Raises:
+        ValueError: they are too large; ``name`` names them.
+    """
+    if weights.abs().sum() > FLOAT64_WEIGHT_SUM:
+        raise ValueError(f"weights {name} of magnitude {float(weights.abs().max()):.3g} are too large for exact sums")
+    return (weights * 2.0**FLOAT64_WEIGHT_BITS).round() * 2.0**-FLOAT64_WEIGHT_BITS
 
 
 def exp_weights(exponents: Tensor, present: Tensor | None = None) -> Tensor:

@@ -97,7 +97,7 @@ class GraphAttention(_Exactable):
         # Scores start near zero, so that attention starts near the plain mean.
         nn.init.normal_(self.query.weight, std=0.1 / inputs)
         nn.init.kaiming_uniform_(self.own.weight, nonlinearity="relu")
-        for matrix in self.heard:
+        for matrix in self.heard.data:
             nn.init.kaiming_uniform_(matrix.T, nonlinearity="relu")
 
     def attention(self, x: Tensor, messages: Tensor, present: Tensor) -> tuple[Tensor, Tensor]:
@@ -178,16 +178,15 @@ def deploy(network: PolicyNetwork) -> PolicyNetwork:
     Convolutions stay in float32, everything after them is computed in float64.
 
     Raises:
-        ValueError: the weights are not finite, or too large for exact sums.
+        ValueError: the weights are not finite (or a variance is negative), or too large for exact sums.
     """
     deployed = copy.deepcopy(network).eval().requires_grad_(False)
-    for name, tensor in deployed.state_dict().items():
-        if tensor.is_floating_point() and not tensor.isfinite().all():
-            raise ValueError(f"weights {name} hold NaN or infinity: the file is damaged or training diverged")
+    _check_finite(deployed)
     for module in list(deployed.modules()):
         if isinstance(module, ConvNorm):
             module.fold()
     deployed.requires_grad_(False)
+    _check_finite(deployed)  # again: a negative variance becomes NaN
     extractor = deployed.extractor
     _snap_convs([extractor.stem], input_bits=0, input_max=1.0)
     for block in extractor.blocks:
@@ -197,12 +196,18 @@ def deploy(network: PolicyNetwork) -> PolicyNetwork:
         _snap_convs([block.second, block.skip], fp.ACTIVATION_BITS, fp.ACTIVATION_MAX)
     for head in (extractor.linear, deployed.reduction, deployed.graph, deployed.hidden, deployed.action):
         head.double()
-        for parameter in head.parameters():
-            parameter.copy_((parameter * 2.0**fp.FLOAT64_WEIGHT_BITS).round() * 2.0**-fp.FLOAT64_WEIGHT_BITS)
+        for name, parameter in head.named_parameters():
+            parameter.copy_(fp.snap_float64(parameter, name))
     for module in deployed.modules():
         if isinstance(module, _Exactable):
             module.exact = True
     return deployed
+
+
+def _check_finite(network: PolicyNetwork) -> None:
+    for name, tensor in network.state_dict().items():
+        if not tensor.isfinite().all():
+            raise ValueError(f"weights {name} hold NaN or infinity: the file is damaged or training diverged")
 
 
 def _snap_convs(layers: list[ConvNorm], input_bits: int, input_max: float) -> None:

@@ -4,7 +4,6 @@ import hashlib
 import json
 from pathlib import Path
 
-import torch
 from safetensors import SafetensorError
 from safetensors.torch import load as load_tensors
 from safetensors.torch import save as save_tensors
@@ -32,7 +31,7 @@ def load_network(folder: Path) -> tuple[PolicyNetwork, str]:
     """The network in ``folder``, as trained, and the digest of its weights.
 
     Raises:
-        ModelError: a file is missing, damaged, not of this configuration, or holds NaN or infinity.
+        ModelError: a file is missing, damaged, or not of this configuration.
     """
     config_file, weights_file = folder / CONFIG, folder / WEIGHTS
     for file in (config_file, weights_file):
@@ -41,6 +40,8 @@ def load_network(folder: Path) -> tuple[PolicyNetwork, str]:
     try:
         stored = json.loads(config_file.read_text())
         config, expected = PolicyConfig.from_json(stored["policy"]), stored["sha256"]
+    except ModelError as error:
+        raise ModelError(f"{config_file}: {error}") from error
     except (json.JSONDecodeError, UnicodeDecodeError, KeyError, TypeError) as error:
         raise ModelError(f"{config_file} is damaged ({error!r}): write it again or fetch the policy again") from error
     data = weights_file.read_bytes()
@@ -54,9 +55,6 @@ def load_network(folder: Path) -> tuple[PolicyNetwork, str]:
         network.load_state_dict(load_tensors(data))
     except (SafetensorError, RuntimeError) as error:
         raise ModelError(f"{weights_file} does not hold the weights of a {config.name}: {error}") from error
-    bad = [name for name, t in network.state_dict().items() if t.is_floating_point() and not torch.isfinite(t).all()]
-    if bad:
-        raise ModelError(f"{weights_file} holds NaN or infinity in {', '.join(bad)}: training diverged")
     return network, digest
 
 
@@ -64,10 +62,10 @@ def load(folder: Path) -> Policy:
     """The policy in ``folder``, ready to decide.
 
     Raises:
-        ModelError: as `load_network`, or weights too large for exact sums.
+        ModelError: as `load_network`, or weights that are not finite or too large for exact sums.
     """
     network, digest = load_network(folder)
     try:
         return Policy(network, digest)
     except ValueError as error:
-        raise ModelError(f"the policy in {folder} cannot be deployed: {error}") from error
+        raise ModelError(f"{folder / WEIGHTS} cannot be deployed: {error}") from error

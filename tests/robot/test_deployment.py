@@ -122,6 +122,21 @@ def test_the_weights_of_attention_are_whole_numbers_so_that_their_sums_have_no_o
     assert len(weights.unique()) > 20
 
 
+def test_means_of_messages_halfway_between_two_steps_round_alike_in_any_order(random_network: Callable) -> None:
+    network = random_network("MAGAT-F-16")
+    torch.nn.init.zeros_(network.graph.query.weight)  # all weigh the same
+    graph = deploy(network).graph
+    # The mean of 24 multiples of 1/64 lies halfway between two multiples of 1/256 if they sum up to 3 modulo 6.
+    messages = on_grid(24, 16).double() / 4
+    messages = (messages * 64).round()
+    messages[0] += (3 - messages.sum(0)) % 6
+    x, present = torch.zeros(1, 16, dtype=torch.float64), torch.ones(1, 24, dtype=torch.bool)
+    generator = torch.Generator().manual_seed(0)
+    orders = [torch.randperm(24, generator=generator) for _ in range(60)]
+    outputs = {graph(x, messages[order][None] / 64, present).numpy().tobytes() for order in orders}
+    assert len(outputs) == 1
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_messages_are_on_the_grid_and_fit_into_16_bits(
     random_team: Callable, small_policy: Callable, name: str

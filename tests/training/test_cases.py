@@ -44,6 +44,7 @@ def test_solutions_are_valid_and_belong_to_the_cases_of_their_numbers(solved: li
 
 def test_cases_of_the_set_are_solved_as_the_paper_has_them() -> None:
     (solved,) = solved_cases([21_000], workers=1)
+    assert solved.number == 21_000
     assert solved.case.obstacles.shape == (20, 20)
     assert solved.case.obstacles.sum() == 40
     assert solved.case.robots == 10

@@ -8,7 +8,7 @@ from magat_sim.rollout import run_recorded
 from magat_training import symmetry
 from magat_training.cases import SolvedCase, solved_cases
 from magat_training.evaluate import simulator_for
-from magat_training.samples import Samples
+from magat_training.samples import Batch, Samples
 
 
 def walked(solved: SolvedCase) -> list[tuple[np.ndarray, list[list[int]], np.ndarray]]:
@@ -100,6 +100,19 @@ def test_following_the_labels_leads_the_expert_to_its_goals(solved: list[SolvedC
         actions = iter([action for _, _, action in walked(s)])
         paths = run_recorded(simulator_for([s]), lambda _, actions=actions: next(actions))
         assert paths.tolist() == s.paths.tolist()
+
+
+def test_joined_batches_keep_their_neighbourhoods(solved: list[SolvedCase]) -> None:
+    samples = Samples(solved)
+    left, right = (samples.batch(np.random.default_rng(seed), size) for seed, size in ((0, 3), (1, 7)))
+    narrow = Batch(left.view, left.heard[:, :0], left.action)  # as if nobody heard anybody
+    for first, second in ((left, right), (right, left), (narrow, right), (right, narrow)):
+        joined = first.join(second)
+        rows = len(first.action)
+        assert joined.view.tolist() == [*first.view.tolist(), *second.view.tolist()]
+        assert joined.action.tolist() == [*first.action.tolist(), *second.action.tolist()]
+        assert neighbour_lists(joined.heard[:rows], 0) == neighbour_lists(first.heard, 0)
+        assert neighbour_lists(joined.heard[rows:], rows) == neighbour_lists(second.heard, 0)
 
 
 def test_without_cases_there_is_nothing_to_learn() -> None:

@@ -1,6 +1,7 @@
 """Training: it learns, and an interrupted run goes on as if nothing had happened."""
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import torch
 
 from magat_robot.policy.config import PolicyConfig
 from magat_training.cases import SolvedCase
+from magat_training.samples import Batch, Samples
 from magat_training.train import TrainConfig, Trainer
 
 CONFIG = TrainConfig(
@@ -17,6 +19,9 @@ CONFIG = TrainConfig(
     steps=12,
     batch=8,
     validate_every=4,
+    online_from=3,
+    online_every=3,
+    online_cases=3,
     seed=5,
 )
 KEPT = {"checkpoint.pt", "best.pt", "log.jsonl"}
@@ -72,6 +77,7 @@ def test_an_interrupted_run_ends_with_the_bits_of_an_uninterrupted_one(
     best = [torch.load(tmp_path / name / "best.pt", weights_only=True) for name in ("straight", "broken")]
     assert all(torch.equal(tensor, best[1][name]) for name, tensor in best[0].items())
     assert without_times(records(tmp_path / "broken")) == without_times(records(tmp_path / "straight"))
+    assert records(tmp_path / "broken")[-1]["online_cases"] > 0
 
 
 def test_a_finished_run_is_not_trained_any_further(tmp_path: Path, solved: list[SolvedCase]) -> None:
@@ -88,6 +94,63 @@ def test_another_seed_gives_another_network(tmp_path: Path, solved: list[SolvedC
     assert weights(runs[0]) != weights(runs[1])
 
 
+def test_only_training_cases_are_trained_on(tmp_path: Path, solved: list[SolvedCase]) -> None:
+    config = replace(CONFIG, steps=2, validate_every=2)
+    splits = [(solved[:4], solved[6:]), (solved[:4], solved[4:]), (solved[2:6], solved[6:])]
+    runs = []
+    for number, (train, valid) in enumerate(splits):
+        runs.append(Trainer(config, tmp_path / str(number), train, valid))
+        runs[-1].run()
+    assert weights(runs[0]) == weights(runs[1])
+    assert weights(runs[0]) != weights(runs[2])
+
+
+def test_every_step_sees_instants_of_its_own(
+    tmp_path: Path, solved: list[SolvedCase], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[bytes] = []
+
+    def spy(self: Samples, rng: np.random.Generator, size: int, batch: Callable = Samples.batch) -> Batch:
+        made = batch(self, rng, size)
+        seen.append(made.view.tobytes())
+        return made
+
+    monkeypatch.setattr(Samples, "batch", spy)
+    trained(tmp_path, solved, replace(CONFIG, online_from=100))
+    assert len(seen) == len(set(seen)) == CONFIG.steps
+
+
+def test_the_online_expert_is_asked_from_its_first_step_on(tmp_path: Path, solved: list[SolvedCase]) -> None:
+    counts = {}
+    for name, first in (("early", 3), ("late", 6), ("never", 100)):
+        trained(tmp_path / name, solved, replace(CONFIG, online_from=first, validate_every=3))
+        counts[name] = [record["online_cases"] for record in records(tmp_path / name)]
+    # Asked before the steps 4, 7 and 10; looked at after the steps 3, 6, 9 and 12.
+    early, late = counts["early"], counts["late"]
+    assert early[0] == 0 < early[1] <= 3
+    assert early[1] <= early[2] <= early[3] <= 9
+    assert late[:2] == [0, 0] != late[2:]
+    assert counts["never"] == [0, 0, 0, 0]
+
+
+@pytest.mark.parametrize(("share", "online"), [(0.0, 0), (0.25, 2), (1.0, 8)])
+def test_a_share_of_each_batch_is_the_online_experts(
+    tmp_path: Path, solved: list[SolvedCase], monkeypatch: pytest.MonkeyPatch, share: float, online: int
+) -> None:
+    sizes: list[tuple[bool, int]] = []
+    first: list[Samples] = []
+
+    def spy(self: Samples, rng: np.random.Generator, size: int, batch: Callable = Samples.batch) -> Batch:
+        first.append(self)
+        sizes.append((self is first[0], size))
+        return batch(self, rng, size)
+
+    monkeypatch.setattr(Samples, "batch", spy)
+    trained(tmp_path, solved, replace(CONFIG, steps=5, validate_every=5, online_share=share))
+    assert sizes[:3] == [(True, 8)] * 3
+    assert sizes[3:] == ([(True, 8 - online)] + [(False, online)] * (online > 0)) * 2
+
+
 def test_a_folder_of_another_run_is_refused(tmp_path: Path, solved: list[SolvedCase]) -> None:
     trained(tmp_path, solved, stop_after=5)
     before = (tmp_path / "checkpoint.pt").read_bytes()
@@ -97,7 +160,7 @@ def test_a_folder_of_another_run_is_refused(tmp_path: Path, solved: list[SolvedC
 
 
 def test_the_loss_falls(tmp_path: Path, solved: list[SolvedCase]) -> None:
-    config = replace(CONFIG, steps=100, batch=16, first_rate=3e-3, validate_every=100)
+    config = replace(CONFIG, steps=100, batch=16, first_rate=3e-3, validate_every=100, online_from=100)
     losses: list[float] = []
     Trainer(config, tmp_path, solved[:3], solved[6:]).run(lambda _, loss: losses.append(loss))
     assert len(losses) == 100
@@ -130,6 +193,8 @@ def test_the_best_weights_are_those_of_the_best_validation(tmp_path: Path, solve
     assert trainer.best == pytest.approx(scores[best_step])
     assert len(set(scores.values())) > 1
     assert all(torch.equal(tensor, snapshots[best_step][name]) for name, tensor in best.items())
+    loaded = trainer.best_network().state_dict()
+    assert all(torch.equal(tensor, best[name]) for name, tensor in loaded.items())
 
 
 def test_the_learning_rate_falls_along_a_cosine(tmp_path: Path, solved: list[SolvedCase]) -> None:

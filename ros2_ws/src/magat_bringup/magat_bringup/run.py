@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
 
+from rich.box import SIMPLE
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -25,6 +26,7 @@ from magat_bringup.picture import save_picture
 from magat_bringup.processes import TeamPlan, TeamProcesses
 from magat_bringup.record import EpisodeRecord
 from magat_interfaces.action import RunEpisode
+from magat_sim.measures import wilson
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,10 @@ def run(plan: RunPlan, console: Console) -> list[RunEpisode.Result]:
             _run_episodes(plan, client, progress, outcomes)
     results = [outcome.result for outcome in outcomes]
     console.print(_table(plan, results))
+    console.print(
+        "[dim]B/tick: bytes of the feature message that a robot sends in a tick; blocked: moves that the shield turned "
+        "into IDLE; missing: features that did not arrive in time[/]"
+    )
     _write(plan, policy.name, outcomes, console)
     return results
 
@@ -123,26 +129,22 @@ def _progress(console: Console) -> Progress:
 
 
 def _table(plan: RunPlan, results: list[RunEpisode.Result]) -> Table:
+    count, complete = len(results), sum(result.success for result in results)
+    low, high = wilson(complete, count)
     table = Table(
-        title=f"Cases {plan.first} to {plan.first + plan.episodes - 1} of seed {plan.seed}",
+        title=f"Cases {plan.first} to {plan.first + count - 1} of seed {plan.seed}",
+        caption=f"alpha {complete / count:.2f} (95 % interval {low:.2f} to {high:.2f}, {count} cases)",
         title_justify="left",
+        caption_justify="left",
+        box=SIMPLE,
+        padding=0,  # nine columns fit into a terminal of 80
     )
-    for heading in (
-        "case",
-        "complete",
-        "delta_FT",
-        "ticks",
-        "T_max",
-        "ticks/s",
-        "bytes/tick",
-        "blocked",
-        "missing",
-    ):
-        table.add_column(heading, justify="right")
+    for heading in ("case", "complete", "delta_FT", "ticks", "T_max", "ticks/s", "B/tick", "blocked", "missing"):
+        table.add_column(heading, justify="right", no_wrap=True)
     for index, result in enumerate(results):
         table.add_row(
             str(plan.first + index),
-            "yes" if result.success else f"{result.p_rg:.0%} arrived",
+            "yes" if result.success else f"{round(result.p_rg * plan.robots)} of {plan.robots}",
             f"{result.delta_ft:.1%}",
             str(result.ticks),
             str(result.t_max),
@@ -151,20 +153,19 @@ def _table(plan: RunPlan, results: list[RunEpisode.Result]) -> Table:
             str(result.moves_blocked),
             str(result.features_missing),
         )
-    count = len(results)
+    ticks = sum(result.ticks for result in results)
+    seconds = sum(result.ticks / result.ticks_per_second for result in results if result.ticks)
     table.add_section()
     table.add_row(
         "all",
-        f"alpha {sum(r.success for r in results) / count:.2f}",
-        f"{sum(r.delta_ft for r in results) / count:.1%}",
-        f"{sum(r.ticks for r in results) / count:.0f}",
-        "",
-        f"{sum(r.ticks for r in results) / sum(r.ticks / r.ticks_per_second for r in results if r.ticks):.0f}"
-        if any(r.ticks for r in results)
-        else "",
-        f"{sum(r.bytes_per_tick for r in results) / count:.0f}",
-        f"{sum(r.moves_blocked for r in results)}",
-        f"{sum(r.features_missing for r in results)}",
+        f"{complete} of {count}",
+        f"{sum(result.delta_ft for result in results) / count:.1%}",
+        str(ticks),
+        str(sum(result.t_max for result in results)),
+        f"{ticks / seconds:.0f}" if seconds else "",
+        f"{sum(result.bytes_per_tick for result in results) / count:.0f}",
+        str(sum(result.moves_blocked for result in results)),
+        str(sum(result.features_missing for result in results)),
         style="bold",
     )
     return table

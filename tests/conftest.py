@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-# The same examples in every run; `--hypothesis-profile=default` looks for new ones.
+# The same examples in every run; `--hypothesis-profile=explore` looks for new ones.
 settings.register_profile("repeatable", deadline=None, derandomize=True)
+settings.register_profile("explore", deadline=None)
 settings.load_profile("repeatable")
 
 

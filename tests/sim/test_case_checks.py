@@ -72,6 +72,7 @@ def test_a_goal_behind_obstacles_is_named_with_its_robot(cells: str) -> None:
         pytest.param([[0.5, 0]], id="between two cells"),
         pytest.param([[0, 2.0**70]], id="huge float"),
         pytest.param([[0, 2**70]], id="huge integer"),
+        pytest.param([[0, 10**400]], id="integer beyond floats"),
         pytest.param([["a", "b"]], id="text"),
         pytest.param([[None, 0]], id="none"),
         pytest.param([[0, 0], [0]], id="ragged"),

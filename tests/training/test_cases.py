@@ -66,6 +66,13 @@ def test_the_experts_flowtime_is_that_of_its_paths(solved: list[SolvedCase]) -> 
         assert s.flowtime.first_visit >= np.abs(s.case.starts - s.case.goals).sum()
 
 
+def test_another_seed_names_another_series_of_cases(solved: list[SolvedCase]) -> None:
+    (other,) = solved_cases([3], seed=1, workers=1, width=9, height=9, robots=5, density=0.15)
+    drawn = draw_case(1, 3, 9, 9, 5, 0.15)
+    assert other.number == solved[3].number
+    assert other.case.starts.tolist() == drawn.starts.tolist() != solved[3].case.starts.tolist()
+
+
 def test_the_number_of_workers_changes_nothing(solved: list[SolvedCase]) -> None:
     again = list(solved_cases(range(8), workers=3, width=9, height=9, robots=5, density=0.15))
     assert [s.paths.tolist() for s in again] == [s.paths.tolist() for s in solved]

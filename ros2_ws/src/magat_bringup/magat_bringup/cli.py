@@ -70,6 +70,7 @@ def _parser() -> argparse.ArgumentParser:
     train.add_argument("--policy", default="MAGAT-F-128", help="name of the policy")
     train.add_argument("--steps", type=_positive, help="optimiser steps (default: those of the shipped policy)")
     train.add_argument("--cases", type=_positive, help="training cases")
+    train.add_argument("--valid-cases", type=_positive, help="validation cases")
     train.add_argument("--temperature", type=float, help="sampling temperature for validation and use")
     train.add_argument("--threads", type=_positive, default=2)
     train.add_argument("--output", type=Path, required=True, help="folder for checkpoints, the log and the policy")
@@ -109,7 +110,7 @@ def _evaluate(options: argparse.Namespace, console: Console) -> int:
 def _train(options: argparse.Namespace, console: Console) -> int:
     from magat_bringup.training import train_policy
 
-    given = {"steps": options.steps, "train_cases": options.cases}
+    given = {"steps": options.steps, "train_cases": options.cases, "valid_cases": options.valid_cases}
     changes = {name: value for name, value in given.items() if value is not None}
     train_policy(options.policy, options.temperature, changes, options.threads, options.output, console)
     return 0

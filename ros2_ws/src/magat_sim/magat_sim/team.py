@@ -1,5 +1,6 @@
 """Who of the team is there: readiness before an episode, silence and return during one. No ROS; time is passed in."""
 
+import math
 from dataclasses import dataclass, field
 
 #: How long an answer to a hello, or a status, counts as fresh, seconds.
@@ -19,9 +20,17 @@ class Member:
     joined: bool = False
     silent_ticks: int = 0
     digest: str = ""
-    _answered: float = field(default=-1e9, repr=False)
-    _status: float = field(default=-1e9, repr=False)
+    _answered: float = field(default=-math.inf, repr=False)
+    _status: float = field(default=-math.inf, repr=False)
     _peers_heard: int = 0
+
+    def join(self) -> None:
+        """From now on it takes part."""
+        self.joined, self.silent_ticks = True, 0
+
+    def leave(self) -> None:
+        """From now on it does not take part, whatever it answered before."""
+        self.joined, self._answered = False, -math.inf
 
     def answered(self, now: float) -> None:
         """It answered a hello at ``now`` (seconds)."""
@@ -60,14 +69,14 @@ class Team:
         peers = len(self.members) - 1
         for member in self.members:
             if not member.joined and member.ready(now, peers):
-                member.joined, member.silent_ticks = True, 0
+                member.join()
         return [member.name for member in self.members if not member.joined]
 
     def readmit(self, now: float) -> list[str]:
         """Between two ticks: let absent robots that can be reached take part again; their names."""
         back = [member for member in self.members if not member.joined and member.reachable(now)]
         for member in back:
-            member.joined, member.silent_ticks = True, 0
+            member.join()
         return [member.name for member in back]
 
     def account(self, spoke: list[bool]) -> list[str]:
@@ -76,8 +85,7 @@ class Team:
         for member, heard in zip(self.members, spoke, strict=True):
             member.silent_ticks = 0 if heard else member.silent_ticks + 1
             if member.joined and member.silent_ticks >= SILENT_TICKS:
-                member.joined = False
-                member._answered = -1e9
+                member.leave()
                 lost.append(member.name)
         return lost
 

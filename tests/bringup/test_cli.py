@@ -1,0 +1,84 @@
+"""The command line: what it prints, and how it fails."""
+
+import json
+
+import numpy as np
+import pytest
+
+from magat_bringup.cli import main
+from magat_robot.policy.store import load
+from magat_sim.measures import summarise
+from magat_training.cases import SPLITS, solved_cases
+from magat_training.evaluate import evaluate
+
+
+@pytest.fixture(scope="module")
+def policy_folder():
+    from magat_bringup.models import find_policy
+
+    return find_policy("MAGAT-F-128")
+
+
+def test_evaluate_prints_one_json_object_with_what_was_measured(capfd, policy_folder):
+    assert main(["evaluate", "--cases", "4", "--json", "--policy", str(policy_folder)]) == 0
+    report = json.loads(capfd.readouterr().out)
+    measured = summarise(evaluate(load(policy_folder), list(solved_cases(SPLITS["test"][:4]))))
+    for name in ("cases", "alpha", "alpha_strict", "delta_ft", "delta_ft_strict", "p_rg", "makespan"):
+        assert report[name] == pytest.approx(getattr(measured, name)), name
+    assert report["alpha_interval"] == pytest.approx(list(measured.alpha_interval))
+    assert report["temperature"] == load(policy_folder).config.temperature
+    assert report["first_case"] == SPLITS["test"].start
+
+
+def test_a_temperature_can_be_tried(capfd, policy_folder):
+    alphas = []
+    for temperature in ("0.5", "50"):
+        assert main(["evaluate", "--cases", "4", "--json", "--temperature", temperature]) == 0
+        alphas.append(json.loads(capfd.readouterr().out)["p_rg"])
+    assert alphas[1] < alphas[0], "at T = 50 robots walk at random"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["evaluate", "--policy", "no-such-policy"], "no policy 'no-such-policy'"),
+        (["evaluate", "--cases", "1000000"], "has 4500 cases"),
+        (["evaluate", "--cases", "2", "--robots", "500"], "do not fit"),
+        (["run", "--policy", "no-such-policy"], "no policy 'no-such-policy'"),
+        (["train", "--policy", "MAGIC", "--output", "x"], "unknown policy name 'MAGIC'"),
+    ],
+)
+def test_what_cannot_be_done_is_said_in_a_sentence(capfd, arguments, said):
+    assert main(arguments) == 1
+    output = capfd.readouterr()
+    assert said in " ".join((output.out + output.err).split())
+
+
+def test_numbers_that_are_none_are_refused():
+    for bad in ("0", "-1", "x"):
+        with pytest.raises(SystemExit):
+            main(["evaluate", "--cases", bad])
+
+
+def test_training_leaves_a_policy_that_loads_and_decides(tmp_path):
+    command = [
+        "train",
+        "--steps",
+        "3",
+        "--cases",
+        "10",
+        "--valid-cases",
+        "5",
+        "--threads",
+        "1",
+        "--output",
+        str(tmp_path),
+    ]
+    assert main(command) == 0
+    policy = load(tmp_path / "MAGAT-F-128")
+    view = np.zeros((2, 3, 11, 11), dtype=np.uint8)
+    streams = np.zeros(2, dtype=np.uint64)
+    assert policy.decide_together(view, np.array([[1], [0]]), streams, 0).weights.shape == (2, 5)
+    card = (tmp_path / "MAGAT-F-128" / "card.md").read_text()
+    assert "| 3 |" in card
+    assert main(command) == 0, "a finished run is left as it is"

@@ -1,0 +1,68 @@
+"""Who takes part: nobody before it is ready, nobody after it fell silent, everybody again who answers."""
+
+import pytest
+
+from magat_sim.team import FRESH, SILENT_TICKS, Team
+
+
+@pytest.fixture
+def team() -> Team:
+    return Team(["a", "b", "c"], [11, 22, 33])
+
+
+def make_ready(team: Team, name: str, now: float, peers: int = 2) -> None:
+    team.by_name[name].answered(now)
+    team.by_name[name].reported(now, peers, "digest")
+
+
+def test_a_robot_joins_when_it_answers_reports_and_hears_all_others(team):
+    assert team.gather(0.0) == ["a", "b", "c"]
+    make_ready(team, "a", 10.0)
+    make_ready(team, "b", 10.0, peers=1)
+    team.by_name["c"].answered(10.0)
+    assert team.gather(10.1) == ["b", "c"]
+    make_ready(team, "b", 10.2)
+    make_ready(team, "c", 10.2)
+    assert team.gather(10.3) == []
+
+
+def test_what_is_stale_does_not_count(team):
+    make_ready(team, "a", 10.0)
+    assert team.gather(10.0 + FRESH) == ["a", "b", "c"]
+    team.by_name["a"].answered(20.0)
+    assert "a" in team.gather(20.0), "its status is ten seconds old"
+
+
+def test_a_robot_of_one_is_a_team(team):
+    alone = Team(["a"], [1])
+    make_ready(alone, "a", 0.0, peers=0)
+    assert alone.gather(0.1) == []
+
+
+def test_silence_ends_and_an_answer_begins_taking_part(team):
+    for name in "abc":
+        make_ready(team, name, 0.0)
+    assert team.gather(0.0) == []
+    for _ in range(SILENT_TICKS - 1):
+        assert team.account([True, False, True]) == []
+    assert team.account([True, True, True]) == [], "one answer in between starts the count anew"
+    lost = [team.account([True, False, True]) for _ in range(SILENT_TICKS)]
+    assert lost == [[]] * (SILENT_TICKS - 1) + [["b"]]
+    assert team.account([True, False, True]) == [], "it is reported once"
+    assert team.readmit(0.1) == [], "what it answered before does not count"
+    team.by_name["b"].answered(5.0)
+    assert team.readmit(5.1) == ["b"]
+    assert team.account([True, False, True]) == []
+
+
+def test_policies_are_told_apart_by_their_digests(team):
+    team.by_name["a"].reported(0.0, 2, "x")
+    team.by_name["b"].reported(0.0, 2, "y")
+    team.by_name["c"].reported(0.0, 2, "x")
+    assert team.digests() == {"x": ["a", "c"], "y": ["b"]}
+
+
+@pytest.mark.parametrize("names", [[], ["a", "a"]])
+def test_a_team_without_names_or_with_one_twice_is_refused(names):
+    with pytest.raises(ValueError, match="name at least one robot, and none twice"):
+        Team(names, list(range(len(names))))

@@ -1,0 +1,75 @@
+"""An episode tick by tick: tags lead answers home, silence idles, nonsense is dropped."""
+
+import numpy as np
+import pytest
+
+from magat_sim.case import draw_case
+from magat_sim.episode import episode_streams
+from magat_sim.grid import Primitive
+from magat_sim.radio import neighbours
+from magat_sim.ticks import Episode, Wish
+
+ROBOTS = 6
+ALL = np.ones(ROBOTS, dtype=bool)
+
+
+@pytest.fixture
+def episode() -> Episode:
+    case = draw_case(5, 0, 12, 12, ROBOTS)
+    return Episode(case, 50, episode_streams(5, 0, ROBOTS))
+
+
+def test_sights_are_what_the_simulator_shows(episode):
+    observation = episode.simulator.observe()
+    sights = episode.look(ALL)
+    for sight, view, stream in zip(sights, observation.field_of_view, observation.streams, strict=True):
+        np.testing.assert_array_equal(sight.field_of_view, view)
+        assert sight.stream == stream
+
+
+def test_audible_tags_are_those_of_the_neighbours_that_are_present(episode):
+    heard = neighbours(np.zeros(ROBOTS, dtype=np.int64), episode.simulator.position)
+    for present in (ALL, np.arange(ROBOTS) % 2 == 0):
+        sights = episode.look(present)
+        for row, sight in zip(heard, sights, strict=True):
+            expected = {sights[j].own_tag for j in row if j >= 0 and present[j]}
+            assert set(sight.audible_tags) == expected
+            assert len(sight.audible_tags) == len(expected)
+
+
+def test_tags_are_new_in_every_tick(episode):
+    seen = [sight.own_tag for _ in range(20) for sight in episode.look(ALL)]
+    assert len(set(seen)) == len(seen)
+
+
+def test_answers_move_their_own_robots_and_the_silent_stay(episode):
+    sights = episode.look(ALL)
+    before = episode.simulator.position.copy()
+    for robot in (2, 0):
+        assert episode.answer(sights[robot].own_tag, Wish(Primitive.UP, 0, 100)) is None
+    np.testing.assert_array_equal(episode.answered, [True, False, True, False, False, False])
+    outcome = episode.advance()
+    np.testing.assert_array_equal(outcome.wanted, [1, 0, 1, 0, 0, 0])
+    np.testing.assert_array_equal(outcome.silent, ~np.array([True, False, True, False, False, False]))
+    np.testing.assert_array_equal(episode.simulator.position[[1, 3, 4, 5]], before[[1, 3, 4, 5]])
+    assert episode.silent == 4
+    assert episode.bytes_per_tick == 100
+
+
+def test_missing_features_are_those_announced_and_not_fused(episode):
+    sights = episode.look(ALL)
+    audible = [len(sight.audible_tags) for sight in sights]
+    for sight, count in zip(sights, audible, strict=True):
+        episode.answer(sight.own_tag, Wish(0, max(count - 1, 0), 1))
+    episode.advance()
+    assert episode.features_missing == sum(count > 0 for count in audible) > 0
+
+
+def test_nonsense_is_dropped_and_the_robot_may_still_answer(episode):
+    old = episode.look(ALL)[0].own_tag
+    tag = episode.look(ALL)[0].own_tag
+    assert "not given out" in str(episode.answer(old, Wish(0, 0, 0)))
+    assert "primitive 5" in str(episode.answer(tag, Wish(5, 0, 0)))
+    assert episode.answer(tag, Wish(0, 0, 0)) is None
+    assert "second" in str(episode.answer(tag, Wish(1, 0, 0)))
+    assert episode.advance().wanted[0] == 0

@@ -128,11 +128,12 @@ def test_the_first_of_two_messages_under_one_tag_counts(exchange: Exchange) -> N
         pytest.param(GOOD[:-1], "11 bytes, not 12", id="too short"),
         pytest.param(GOOD + b"\0", "13 bytes, not 12", id="too long"),
         pytest.param(payload(0, 1, 2, 3), "16 bytes, not 12", id="of another policy"),
-        pytest.param(payload(0, np.nan, 1), "not within", id="nan"),
-        pytest.param(payload(0, np.inf, 1), "not within", id="infinity"),
-        pytest.param(payload(-np.inf, 0, 1), "not within", id="minus infinity"),
-        pytest.param(payload(0, 1, -0.015625), "not within", id="below"),
-        pytest.param(payload(8.015625, 1, 1), "not within", id="above"),
+        pytest.param(payload(0, np.nan, 1), "other than multiples", id="nan"),
+        pytest.param(payload(0, np.inf, 1), "other than multiples", id="infinity"),
+        pytest.param(payload(-np.inf, 0, 1), "other than multiples", id="minus infinity"),
+        pytest.param(payload(0, 1, -0.015625), "other than multiples", id="below"),
+        pytest.param(payload(8.015625, 1, 1), "other than multiples", id="above"),
+        pytest.param(payload(0.01, 1, 1), "other than multiples", id="off the grid"),
     ],
 )
 @pytest.mark.parametrize("tick", [5, 6], ids=["now", "early"])

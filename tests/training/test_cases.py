@@ -79,7 +79,7 @@ def test_the_number_of_workers_changes_nothing(solved: list[SolvedCase]) -> None
 
 
 def test_cases_that_the_expert_cannot_solve_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cases, "EXPERT_TIME_LIMIT", 0.05)
+    monkeypatch.setattr(cases, "EXPERT_NODE_LIMIT", 50)
     # In a corridor without a siding, two robots can only keep their order.
     solved = list(solved_cases(range(30), workers=1, width=5, height=1, robots=2, density=0.0))
     drawn = [draw_case(SET_SEED, number, 5, 1, 2, 0.0) for number in range(30)]

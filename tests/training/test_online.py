@@ -61,7 +61,7 @@ def test_the_expert_solves_what_got_stuck(solved: list[SolvedCase], small_policy
 
 
 def test_what_the_expert_cannot_solve_either_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(online, "EXPERT_TIME_LIMIT", 0.05)
+    monkeypatch.setattr(online, "EXPERT_NODE_LIMIT", 50)
     corridor, nowhere = np.zeros((1, 5), dtype=bool), np.zeros((0, 2, 2), dtype=np.int64)
     ends = np.array([[0, 0], [4, 0]])
     passing = SolvedCase(1, Case(corridor, ends, ends[::-1]), nowhere)

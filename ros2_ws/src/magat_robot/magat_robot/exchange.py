@@ -9,12 +9,12 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from magat_robot.policy.fixed_point import ACTIVATION_MAX
+from magat_robot.policy.fixed_point import ACTIVATION_BITS, ACTIVATION_MAX
 
 #: How many ticks ahead of this robot's own observation a feature may be.
 EARLY_TICKS = 4
-#: Episodes, besides the current one, of which early features are kept: the next one, and room for nonsense.
-EARLY_EPISODES = 8
+#: Ticks of other episodes than the current one of which features are kept: the next one's first, and room for nonsense.
+FOREIGN_TICKS = 32
 #: Features kept for such a tick; more are dropped, so that nobody can fill a robot's memory.
 EARLY_FEATURES = 4096
 
@@ -47,11 +47,12 @@ class Exchange:
     def receive(self, episode: int, tick: int, tag: int, payload: bytes) -> bool:
         """Take a message (float32 payload); True if it belongs to the current tick and is new."""
         at = (episode, tick)
-        begun = self._now[1] if self._now is not None and self._now[0] == episode else -1
-        if tick < begun:
-            return self.drop(f"late: of tick {tick}, after tick {begun} began")
-        if tick > begun + EARLY_TICKS:
-            return self.drop(f"far ahead: of tick {tick}, before tick {begun + 1} began")
+        if self._now is not None and self._now[0] == episode:
+            begun = self._now[1]
+            if tick < begun:
+                return self.drop(f"late: of tick {tick}, after tick {begun} began")
+            if tick > begun + EARLY_TICKS:
+                return self.drop(f"far ahead: of tick {tick}, before tick {begun + 1} began")
         if at == self._now and tag not in self._audible:
             return False  # out of radio range: not an error, just not heard
         waiting = self._heard if at == self._now else self._early.get(at, {})
@@ -65,7 +66,7 @@ class Exchange:
         waiting[tag] = x
         if at != self._now:
             self._early[at] = waiting
-            self._forget_episodes()
+            self._forget_foreign()
         return at == self._now
 
     @property
@@ -89,18 +90,21 @@ class Exchange:
             self.drop(f"a payload of {len(payload)} bytes, not {4 * self.features}: a robot with another policy?")
             return None
         x = np.frombuffer(payload, dtype="<f4")
-        # Written so that NaN fails, too.
-        if not ((x >= 0) & (x <= ACTIVATION_MAX)).all():
-            self.drop(f"a payload with values that are not within 0 and {ACTIVATION_MAX}")
+        # Written so that NaN fails, too. Off the grid, sums would depend on the order of messages.
+        units = np.clip(x, 0, ACTIVATION_MAX) * 2**ACTIVATION_BITS
+        if not ((units == np.rint(units)) & (x >= 0) & (x <= ACTIVATION_MAX)).all():
+            self.drop(
+                f"a payload with values other than multiples of 1/{2**ACTIVATION_BITS} from 0 to {ACTIVATION_MAX:g}"
+            )
             return None
         return x
 
-    def _forget_episodes(self) -> None:
-        """Keep early features of few episodes: those that were first heard of last."""
+    def _forget_foreign(self) -> None:
+        """Of other episodes keep the few ticks that were first heard of last."""
         current = self._now[0] if self._now is not None else None
-        others = list(dict.fromkeys(episode for episode, _ in self._early if episode != current))
-        for old in others[:-EARLY_EPISODES]:
-            self._early = {at: kept for at, kept in self._early.items() if at[0] != old}
+        foreign = [at for at in self._early if at[0] != current]
+        for at in foreign[:-FOREIGN_TICKS]:
+            del self._early[at]
 
     def drop(self, why: str) -> bool:
         """Count a message that was dropped, and remember why; False, for `receive` to return."""

@@ -82,13 +82,16 @@ class RobotNode(Node):
         if len(message.field_of_view) != int(np.prod(OBSERVATION_SHAPE)):
             self._exchange.drop(f"an observation of {len(message.field_of_view)} numbers, not {OBSERVATION_SHAPE}")
             return
+        view = np.frombuffer(message.field_of_view, dtype=np.uint8).reshape(1, *OBSERVATION_SHAPE)
+        if view.max() > 1:
+            self._exchange.drop(f"an observation that holds {view.max()}, where there are 0 and 1")
+            return
         last = self._observation
         if last is not None and last.episode == message.episode and message.tick <= last.tick:
             self._exchange.drop(f"a repeated or late observation, of tick {message.tick} after {last.tick}")
             return
         self._last_observed = started = time.monotonic()
         self._observation = message
-        view = np.frombuffer(message.field_of_view, dtype=np.uint8).reshape(1, *OBSERVATION_SHAPE)
         self._encoding = self._policy.encode(view)
         feature = Feature(episode=message.episode, tick=message.tick, tag=message.own_tag)
         feature.payload = array.array("B", self._encoding.messages.astype("<f4").tobytes())

@@ -85,34 +85,29 @@ def draw_case(
         )
     # Only random() is drawn: its stream is part of numpy's compatibility promise, unlike choice() or shuffle().
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, number])))
-    for _ in range(1000):
-        cells = np.zeros(width * height, dtype=bool)
-        cells[np.argsort(rng.random(width * height), kind="stable")[:count]] = True
-        grid = cells.reshape(height, width)
-        y, x = np.nonzero(~grid)
-        free = np.stack([x, y], axis=1).astype(np.int64)
-        starts = free[np.argsort(rng.random(len(free)), kind="stable")[:robots]]
-        goals = _draw_goals(grid, starts, free[np.argsort(rng.random(len(free)), kind="stable")])
-        if goals is not None:
-            return Case(grid, starts, goals)
-    raise InvalidCaseError(
-        f"no reachable goals for {robots} robots on a {width}x{height} map of obstacle density {density} in 1000 "
-        "tries: ask for fewer robots or obstacles"
-    )
+    cells = np.zeros(width * height, dtype=bool)
+    cells[np.argsort(rng.random(width * height), kind="stable")[:count]] = True
+    grid = cells.reshape(height, width)
+    y, x = np.nonzero(~grid)
+    free = np.stack([x, y], axis=1).astype(np.int64)
+    starts = free[np.argsort(rng.random(len(free)), kind="stable")[:robots]]
+    goals = _draw_goals(grid, starts, free[np.argsort(rng.random(len(free)), kind="stable")])
+    return Case(grid, starts, goals)
 
 
-def _draw_goals(grid: BoolArray, starts: IntArray, shuffled: IntArray) -> IntArray | None:
-    """For each start the first cell of ``shuffled`` that it can reach and that is not taken; None if none is left."""
+def _draw_goals(grid: BoolArray, starts: IntArray, shuffled: IntArray) -> IntArray:
+    """For each start the first cell of ``shuffled`` that it can reach and that no start before it took.
+
+    There always is one: a region has at least as many cells as starts.
+    """
     regions, _ = ndimage.label(~grid)
     region_of = at(regions, shuffled)
     taken = np.zeros(len(shuffled), dtype=bool)
     goals = np.empty_like(starts)
     for robot, region in enumerate(at(regions, starts)):
-        candidates = np.flatnonzero((region_of == region) & ~taken)
-        if len(candidates) == 0:
-            return None
-        taken[candidates[0]] = True
-        goals[robot] = shuffled[candidates[0]]
+        first = np.flatnonzero((region_of == region) & ~taken)[0]
+        taken[first] = True
+        goals[robot] = shuffled[first]
     return goals
 
 

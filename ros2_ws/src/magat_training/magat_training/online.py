@@ -1,5 +1,6 @@
 """The online expert: what to do where the policy itself got stuck (MAGAT paper, Sec. V-D)."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -7,7 +8,7 @@ import numpy as np
 from magat_expert import SolveStatus, solve_many
 from magat_robot.policy.policy import Policy
 from magat_sim.case import Case
-from magat_training.cases import EXPERT_TIME_LIMIT, EXPERT_W, SolvedCase
+from magat_training.cases import EXPERT_NODE_LIMIT, EXPERT_W, SolvedCase
 from magat_training.evaluate import run_policy, simulator_for
 
 
@@ -35,8 +36,8 @@ def stuck_cases(policy: Policy, solved: Sequence[SolvedCase], seed: int) -> list
 
 
 def solve(stuck: Sequence[SolvedCase]) -> list[SolvedCase]:
-    """``stuck`` with the expert's paths; without those that it cannot solve in time."""
-    solutions = solve_many((s.case for s in stuck), w=EXPERT_W, time_limit=EXPERT_TIME_LIMIT)
+    """``stuck`` with the expert's paths; without those that it gives up."""
+    solutions = solve_many((s.case for s in stuck), w=EXPERT_W, time_limit=math.inf, node_limit=EXPERT_NODE_LIMIT)
     return [
         SolvedCase(origin.number, origin.case, solution.paths)
         for origin, solution in zip(stuck, solutions, strict=True)

@@ -84,6 +84,10 @@ class Trainer:
     def _checkpoint(self) -> Path:
         return self.folder / "checkpoint.pt"
 
+    @property
+    def _log(self) -> Path:
+        return self.folder / "log.jsonl"
+
     def run(self, on_step: Callable[[int, float], None] | None = None) -> None:
         """Train to the last step; ``on_step`` gets the step and the loss."""
         losses: list[float] = []
@@ -145,7 +149,7 @@ class Trainer:
             torch.save(self.network.state_dict(), self.folder / "best.pt")
         record = {"step": self.step, "loss": loss, "seconds": self.seconds, "online_cases": len(self._stuck)}
         record |= dataclasses.asdict(measures)
-        with (self.folder / "log.jsonl").open("a") as log:
+        with self._log.open("a") as log:
             log.write(json.dumps(record) + "\n")
         self._save()
 
@@ -168,6 +172,9 @@ class Trainer:
         if state["config"] != dataclasses.asdict(self.config):
             raise ValueError(f"{self._checkpoint} is of a run with another configuration: choose another folder")
         self.step, self.best, self.seconds = state["step"], state["best"], state["seconds"]
+        if self._log.exists():  # a run killed between log and checkpoint validates that step again
+            lines = [line for line in self._log.read_text().splitlines() if json.loads(line)["step"] <= self.step]
+            self._log.write_text("".join(f"{line}\n" for line in lines))
         # The expert is deterministic: kept are the states in which it was asked, not its answers.
         by_number = {s.number: s.case for s in self._train}
         nowhere = np.zeros((0, 0, 2), dtype=np.int64)

@@ -34,7 +34,7 @@ class PolicyConfig:
     def __post_init__(self) -> None:
         if not _NAME.fullmatch(self.name):
             raise ModelError(f"unknown policy name {self.name!r}: use e.g. MAGAT-F-128, MAGAT-B-32 or MAGAT-B-32-P4")
-        sizes = [*self.channels, self.hidden, self.features, self.heads]
+        sizes = [*self.channels, self.hidden, self.features, self.heads, self.features * self.heads]
         if len(self.channels) != 3 or not all(1 <= size <= MAX_SIZE for size in sizes):
             raise ModelError(f"there are three channels, and sizes lie within 1 and {MAX_SIZE}: {self}")
         if not 0.01 <= self.temperature <= 100:
@@ -69,11 +69,11 @@ class PolicyConfig:
         known = {field.name for field in fields(cls)}
         if not isinstance(values, dict) or set(values) != known:
             raise ModelError(f"a policy configuration has exactly the keys {sorted(known)}; this one: {values}")
-        try:
-            channels = tuple(int(c) for c in values["channels"])
-            return cls(str(values["name"]), channels, int(values["hidden"]), float(values["temperature"]))  # type: ignore[arg-type]
-        except (TypeError, ValueError, OverflowError) as error:
-            raise ModelError(f"unusable policy configuration {values}: {error}") from error
+        name, channels, hidden = values["name"], values["channels"], values["hidden"]
+        whole = isinstance(channels, list) and all(type(size) is int for size in [*channels, hidden])
+        if not (isinstance(name, str) and whole and type(values["temperature"]) in (int, float)):
+            raise ModelError(f"unusable policy configuration {values}: sizes are whole numbers, the name is a text")
+        return cls(name, tuple(channels), hidden, float(values["temperature"]))
 
     def _part(self, group: str) -> str | None:
         match = _NAME.fullmatch(self.name)

@@ -196,7 +196,8 @@ def deploy(network: PolicyNetwork) -> PolicyNetwork:
         _snap_convs([block.second, block.skip], fp.ACTIVATION_BITS, fp.ACTIVATION_MAX)
     for head in (extractor.linear, deployed.reduction, deployed.graph, deployed.hidden, deployed.action):
         head.double()
-        for name, parameter in head.named_parameters():
+    for name, parameter in deployed.named_parameters():
+        if parameter.dtype == torch.float64:
             parameter.copy_(fp.snap_float64(parameter, name))
     for module in deployed.modules():
         if isinstance(module, _Exactable):

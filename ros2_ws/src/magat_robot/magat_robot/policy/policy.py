@@ -61,10 +61,12 @@ class Policy:
             view: ``[R, 3, 11, 11]`` of 0 and 1.
 
         Raises:
-            ValueError: another shape.
+            ValueError: another shape, or other values: exact sums rest on them.
         """
         if view.shape[1:] != OBSERVATION_SHAPE:
             raise ValueError(f"an observation has shape {OBSERVATION_SHAPE}, not {view.shape[1:]}")
+        if view.size and view.max() > 1:
+            raise ValueError(f"an observation holds 0 and 1, not {view.max()}")
         inputs = torch.from_numpy(view.astype(np.float32)).contiguous(memory_format=torch.channels_last)
         parts = [self._network.encode(chunk) for chunk in inputs.split(_CHUNK)]
         features = torch.cat([part[0] for part in parts])

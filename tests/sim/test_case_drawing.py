@@ -105,6 +105,8 @@ def test_obstacles_starts_and_goals_are_spread_evenly_over_the_map() -> None:
         {"height": -3},
         {"density": 1.0},
         {"density": -0.1},
+        {"density": float("nan")},
+        {"density": float("inf")},
     ],
 )
 def test_a_case_that_cannot_be_drawn_is_refused(size: dict) -> None:

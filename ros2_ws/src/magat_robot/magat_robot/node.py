@@ -1,6 +1,8 @@
 """The robot node: translates between ROS messages and the robot's own policy and exchange."""
 
 import array
+import math
+import secrets
 import sys
 import time
 from pathlib import Path
@@ -49,12 +51,11 @@ class RobotNode(Node):
         team_size = declare_count(self, "team_size", 32, "robots in the team, for the queues of shared topics", 10_000)
         self._policy = load(Path(folder))
         self._exchange = Exchange(self._policy.config.features)
-        self._rng = np.random.default_rng()
-        self._nonce = int(self._rng.integers(1, 2**64, dtype=np.uint64))
+        self._nonce = secrets.randbits(64)
         self._peers: dict[int, float] = {}
         self._observation: Observation | None = None
         self._encoding: Encoding | None = None
-        self._last_observed = -SILENCE
+        self._last_observed = -math.inf
         self._compute = 0.0
         self._ticks = self._missing = self._beats = 0
         sample = Feature(payload=array.array("B", bytes(4 * self._policy.config.features)))

@@ -78,8 +78,9 @@ def draw_case(
     Raises:
         InvalidCaseError: no case with these numbers can be drawn (too many robots or obstacles).
     """
-    count = round(density * width * height)
-    if not (width > 0 and height > 0 and robots > 0 and 0 <= density < 1 and count + robots <= width * height):
+    whole = 0 <= density < 1  # NaN is not
+    count = round(density * width * height) if whole else 0
+    if not (whole and width > 0 and height > 0 and robots > 0 and count + robots <= width * height):
         raise InvalidCaseError(
             f"{robots} robots do not fit on a {width}x{height} map of obstacle density {density}: ask for fewer"
         )

@@ -8,7 +8,8 @@ import pytest
 from magat_bringup.cli import main
 from magat_robot.policy.store import load
 from magat_sim.measures import summarise
-from magat_training.cases import SPLITS, solved_cases
+from magat_training.cases import SET_SEED, SPLITS, solved_cases
+from magat_training.data import read_cases
 from magat_training.evaluate import evaluate
 
 
@@ -52,6 +53,14 @@ def test_what_cannot_be_done_is_said_in_a_sentence(capfd, arguments, said):
     assert main(arguments) == 1
     output = capfd.readouterr()
     assert said in " ".join((output.out + output.err).split())
+
+
+def test_data_are_written_and_read(capfd, tmp_path):
+    path = tmp_path / "cases.npz"
+    assert main(["data", "--cases", "12", "--robots", "4", "--output", str(path)]) == 0
+    seed, solved = read_cases(path)
+    assert (seed, len(solved), solved[0].case.robots) == (SET_SEED, 12, 4)
+    assert "12 of 12 cases solved" in " ".join(capfd.readouterr().err.split())
 
 
 def test_numbers_that_are_none_are_refused():

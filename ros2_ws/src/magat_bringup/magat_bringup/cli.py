@@ -57,8 +57,14 @@ def _parser() -> argparse.ArgumentParser:
     evaluate.add_argument("--temperature", type=float, help="sampling temperature instead of the policy's own")
     evaluate.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
 
+    data = commands.add_parser("data", help="draw cases, solve them by the expert, and write them to a file")
+    data.set_defaults(execute=_data)
+    data.add_argument("--cases", type=_positive, default=SPLITS["test"].stop, help="how many, from number 0")
+    data.add_argument("--output", type=Path, required=True, help="file to write (.npz, see magat_training/data.py)")
+
     for command in (run, evaluate):
         command.add_argument("--policy", default="MAGAT-F-128", help="name of a policy in models/, or its folder")
+    for command in (run, evaluate, data):
         command.add_argument("--robots", type=_positive, default=10)
         command.add_argument("--width", type=_positive, default=20, help="cells")
         command.add_argument("--height", type=_positive, default=20, help="cells")
@@ -104,6 +110,14 @@ def _evaluate(options: argparse.Namespace, console: Console) -> int:
         print(json.dumps(report))
     else:
         Console().print(table(report))
+    return 0
+
+
+def _data(options: argparse.Namespace, console: Console) -> int:
+    from magat_bringup.training import make_data
+
+    size = {name: getattr(options, name) for name in ("width", "height", "robots", "density")}
+    make_data(options.output, options.cases, options.seed, size, console)
     return 0
 
 

@@ -1,5 +1,6 @@
 """``magat train``: cases, expert, imitation, and a policy folder at the end."""
 
+import time
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from magat_robot.policy.config import PolicyConfig
 from magat_robot.policy.store import save
 from magat_training.card import card
 from magat_training.cases import SPLITS, SolvedCase, solved_cases
+from magat_training.data import write_cases
 from magat_training.train import TrainConfig, Trainer
 
 
@@ -54,6 +56,18 @@ def train_policy(
     digest = save(trainer.best_network(), folder, card(config, output, threads))
     console.print(f"{name}, digest {digest[:12]}: {folder}")
     return folder
+
+
+def make_data(output: Path, cases: int, seed: int, size: dict[str, Any], console: Console) -> None:
+    """Draw and solve the first ``cases`` cases under ``seed``, sized as `draw_case` takes it, and write ``output``."""
+    started = time.monotonic()
+    drawn = solved_cases(range(cases), seed, **size)
+    solved = list(track(drawn, "cases", total=cases, console=console, transient=True))
+    write_cases(output, seed, solved)
+    megabytes = output.stat().st_size / 1e6
+    console.print(
+        f"{output}: {len(solved)} of {cases} cases solved, {megabytes:.1f} MB, {time.monotonic() - started:.1f} s"
+    )
 
 
 def _solved(numbers: range, what: str, console: Console) -> list[SolvedCase]:

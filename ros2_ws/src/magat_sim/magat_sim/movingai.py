@@ -131,7 +131,7 @@ def _robot(
             f"{path}:{number}: the scenario is for {width}x{height} cells, and the map has "
             f"{obstacles.shape[1]}x{obstacles.shape[0]}"
         )
-    for name, x, y in (("start", *cells[:2]), ("goal", *cells[2:])):
+    for name, (x, y) in (("start", cells[:2]), ("goal", cells[2:])):
         where = f"{path}:{number}: the {name} ({x}, {y}), y down from the top,"
         if x >= width or y >= height:
             raise MovingAIError(f"{where} lies outside the {width}x{height} map")

@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
@@ -99,17 +98,17 @@ def bench_expert(
 
 def table(counts: Sequence[tuple[ExpertSet, int]], speeds: Sequence[ExpertSpeed]) -> Table:
     """``speeds`` of the sets of ``counts`` for people."""
-    result = Table(title="ECBS, milliseconds of search a case", title_justify="left", box=SIMPLE_HEAD, collapse_padding=True)
-    for heading in ("set", "w", "cases", "mean", "median", "p95", "max", "exp./s", "cost/lb", "solved"):
+    result = Table(title="ECBS, milliseconds of search a case", title_justify="left", box=None, pad_edge=False)
+    for heading in ("set", "w", "cases", "mean", "median", "p95", "max", "Mexp/s", "cost/lb", "solved"):
         result.add_column(heading, justify="left" if heading == "set" else "right", no_wrap=True)
     for (which, _), speed in zip(counts, speeds, strict=True):
-        times = (f"{time:.1f}" for time in (speed.mean, speed.median, speed.p95, speed.longest))
+        times = (speed.mean, speed.median, speed.p95, speed.longest)
         result.add_row(
             which.name,
             f"{which.w:g}",
             str(speed.cases),
-            *times,
-            f"{speed.expansions_per_second / 1e6:.2f}M",
+            *(f"{time:.1f}" if time < 1000.0 else f"{time:.0f}" for time in times),
+            f"{speed.expansions_per_second / 1e6:.2f}",
             f"{speed.cost_ratio:.3f}",
             f"{100 * speed.solved:.0f} %",
         )

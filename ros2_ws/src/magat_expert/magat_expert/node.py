@@ -33,7 +33,7 @@ class ExpertNode(Node):
     def __init__(self, **options: object) -> None:
         super().__init__("expert", **options)
         searches = declare_count(self, "searches", 4, "search for so many requests at once", at_most=64)
-        self._longest = declare_seconds(self, "max_time_limit", 600.0, "search so long for a request at most")
+        self._longest = declare_seconds(self, "max_time_limit", 60.0, "search so long for a request at most")
         self._pool = ThreadPoolExecutor(searches, thread_name_prefix="search")
         self._stop = StopFlag()
         create_deferred_service(self, SolveMapf, "solve_mapf", self._begin)

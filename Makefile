@@ -10,7 +10,7 @@ SOURCE_WORKSPACE := source ros2_ws/install/setup.bash
 
 .PHONY: help
 help: ## Show this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 .PHONY: setup
 setup: ## Install what is needed into .venv and build the workspace; does nothing where that is done
@@ -23,6 +23,10 @@ demo: setup ## Run ten episodes with a team of robot processes (ARGS="--robots 2
 .PHONY: test
 test: setup ## Run the tests (ARGS="-k shield" passes options on to pytest)
 	@$(SOURCE_WORKSPACE) && $(BIN)/python -m pytest $(ARGS)
+
+.PHONY: bench-expert
+bench-expert: setup ## Time the expert on the scenario sets (ARGS="--large" adds the large ones)
+	@$(BIN)/magat bench-expert $(ARGS)
 
 .PHONY: lint
 lint: setup ## Check style, format and types

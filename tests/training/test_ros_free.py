@@ -7,6 +7,7 @@ MODULES = [
     "magat_expert",
     "magat_robot.exchange",
     "magat_robot.policy.store",
+    "magat_sim.movingai",
     "magat_sim.rollout",
     "magat_training.train",
 ]

@@ -80,6 +80,14 @@ def _parser() -> argparse.ArgumentParser:
     train.add_argument("--temperature", type=float, help="sampling temperature for validation and use")
     train.add_argument("--threads", type=_positive, default=2)
     train.add_argument("--output", type=Path, required=True, help="folder for checkpoints, the log and the policy")
+
+    bench = commands.add_parser("bench-expert", help="time the expert on the scenario sets")
+    bench.set_defaults(execute=_bench_expert)
+    bench.add_argument("--cases", type=_positive, default=100, help="of each set")
+    bench.add_argument("--large", action="store_true", help="also maps of up to 200x200 cells with up to 1000 robots")
+    bench.add_argument("--large-cases", type=_positive, default=5, metavar="CASES", help="of each large set")
+    bench.add_argument("--seed", type=int, default=SET_SEED, help="of the cases")
+    bench.add_argument("--time-limit", type=_seconds, default=60.0, metavar="SECONDS", help="of each search")
     return parser
 
 
@@ -128,6 +136,23 @@ def _train(options: argparse.Namespace, console: Console) -> int:
     changes = {name: value for name, value in given.items() if value is not None}
     train_policy(options.policy, options.temperature, changes, options.threads, options.output, console)
     return 0
+
+
+def _bench_expert(options: argparse.Namespace, console: Console) -> int:
+    from magat_bringup.bench_expert import LARGE_SETS, SETS, bench_expert, table
+
+    counts = [(which, options.cases) for which in SETS]
+    if options.large:
+        counts += [(which, options.large_cases) for which in LARGE_SETS]
+    Console().print(table(counts, bench_expert(counts, options.seed, options.time_limit, console)))
+    return 0
+
+
+def _seconds(text: str) -> float:
+    value = float(text)
+    if not value > 0.0:
+        raise argparse.ArgumentTypeError(f"{text} is no time above 0 seconds")
+    return value
 
 
 def _positive(text: str) -> int:

@@ -1,8 +1,9 @@
-"""The expert that the policy learns from: ECBS behind a small Python API. Importing it needs no ROS.
+"""The expert that the policy learns from, ECBS, and two planners to compare with. Importing it needs no ROS.
 
 Cells are `(x, y)`, x to the right, y up; maps are indexed `[y, x]`.
 """
 
+from magat_expert.baselines import solve_hca, solve_replan
 from magat_expert.batch import Case, solve_many
 from magat_expert.instance import InvalidInstanceError
 from magat_expert.solver import Solution, SolveStatus, StopFlag, solve
@@ -16,5 +17,7 @@ __all__ = [
     "StopFlag",
     "check_paths",
     "solve",
+    "solve_hca",
     "solve_many",
+    "solve_replan",
 ]

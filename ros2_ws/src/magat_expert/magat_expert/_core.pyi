@@ -16,4 +16,22 @@ def solve(
     node_limit: int,
     stop: StopFlag | None,
 ) -> tuple[int, np.ndarray | None, int, int, float, int, int]: ...
+def solve_hca(
+    obstacles: np.ndarray,
+    starts: np.ndarray,
+    goals: np.ndarray,
+    time_limit: float,
+    orders: int,
+    seed: int,
+    stop: StopFlag | None,
+) -> tuple[int, np.ndarray | None, int, int, float, int, int]: ...
+def solve_replan(
+    obstacles: np.ndarray,
+    starts: np.ndarray,
+    goals: np.ndarray,
+    time_limit: float,
+    max_steps: int,
+    seed: int,
+    stop: StopFlag | None,
+) -> tuple[int, np.ndarray | None, int, int, float, int, int]: ...
 def components(obstacles: np.ndarray) -> np.ndarray: ...

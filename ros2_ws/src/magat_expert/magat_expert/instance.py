@@ -77,22 +77,42 @@ def validate_limits(w: float, time_limit: float, node_limit: int | None) -> tupl
         InvalidInstanceError: one of them is no number or out of its range.
     """
     w = _number(w, "w")
+    time_limit = validate_time_limit(time_limit)
     if not 1.0 <= w <= MAX_W:
         raise InvalidInstanceError(
             f"w is {w}: a solution costs at most w times the lower bound, so choose w from 1 (optimal) to {MAX_W:g}"
         )
+    if node_limit is None:
+        return w, time_limit, -1
+    return w, time_limit, validate_count(node_limit, "node_limit", 0, 2**63 - 1, " (None: no limit)")
+
+
+def validate_time_limit(time_limit: float) -> float:
+    """`time_limit` if it is a number of seconds above 0, infinity included.
+
+    Raises:
+        InvalidInstanceError: it is not.
+    """
     time_limit = _number(time_limit, "time_limit")
     if not time_limit > 0.0:
         raise InvalidInstanceError(f"time_limit is {time_limit}: give the search more than 0 seconds")
-    if node_limit is None:
-        return w, time_limit, -1
+    return time_limit
+
+
+def validate_count(value: int, name: str, lowest: int, highest: int, note: str = "") -> int:
+    """`value` if it is a whole number from `lowest` to `highest`; messages call it `name` and end with `note`.
+
+    Raises:
+        InvalidInstanceError: it is not.
+    """
     try:
-        node_limit = operator.index(node_limit)
+        number = operator.index(value)
     except TypeError:
-        raise InvalidInstanceError(f"node_limit is {node_limit!r}: give a whole number, or None for no limit") from None
-    if not 0 <= node_limit < 2**63:
-        raise InvalidInstanceError(f"node_limit is {node_limit}: give 0 or more, or None for no limit")
-    return w, time_limit, node_limit
+        raise InvalidInstanceError(f"{name} is {value!r}: give a whole number{note}") from None
+    if not lowest <= number <= highest:
+        limit = f"{lowest} or more" if number < lowest else f"at most {highest}"
+        raise InvalidInstanceError(f"{name} is {number}: give {limit}{note}")
+    return number
 
 
 def _number(value: object, name: str) -> float:

@@ -1,15 +1,18 @@
 """The expert as a ROS 2 service. It only translates between `SolveMapf` and `magat_expert.solve`."""
 
 import sys
-from concurrent.futures import ThreadPoolExecutor, wait
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from rclpy.node import Node
 
-from magat_expert.instance import InvalidInstanceError
+from magat_expert.instance import InvalidInstanceError, validate_time_limit
 from magat_expert.solver import Solution, SolveStatus, StopFlag, solve
 from magat_interfaces.srv import SolveMapf
-from magat_node.run import run_node, told_to_end
+from magat_node.deferred import create_deferred_service
+from magat_node.parameters import declare_count, declare_seconds
+from magat_node.run import run_node
 
 _STATUS = {
     SolveStatus.SOLVED: SolveMapf.Response.SOLVED,
@@ -20,44 +23,55 @@ _STATUS = {
 
 
 class ExpertNode(Node):
-    """Serves `solve_mapf`, one request after another.
+    """Serves `solve_mapf`, several requests at a time.
 
-    The service callback waits for the search: this executor sends what a callback returns, and knows none
-    that answers later. Further requests wait in the middleware meanwhile. A shutdown ends the search.
+    Searches run in threads, without Python's lock, so that a long one holds up no other while a thread is left.
+    Whoever comes then waits, and the time limit counts from the search's begin. Destroying the node ends the searches
+    and answers all requests that it has taken.
     """
 
-    def __init__(self) -> None:
-        super().__init__("expert")
-        self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix="search")
-        self._service = self.create_service(SolveMapf, "solve_mapf", self._solve)
+    def __init__(self, **options: object) -> None:
+        super().__init__("expert", **options)
+        searches = declare_count(self, "searches", 4, "search for so many requests at once", at_most=64)
+        self._longest = declare_seconds(self, "max_time_limit", 60.0, "search so long for a request at most")
+        self._pool = ThreadPoolExecutor(searches, thread_name_prefix="search")
+        self._stop = StopFlag()
+        create_deferred_service(self, SolveMapf, "solve_mapf", self._begin)
 
-    def _solve(self, request: SolveMapf.Request, response: SolveMapf.Response) -> SolveMapf.Response:
+    def _begin(self, request: SolveMapf.Request, send: Callable[[SolveMapf.Response], None]) -> None:
+        self._pool.submit(self._answer, request, send)
+
+    def _answer(self, request: SolveMapf.Request, send: Callable[[SolveMapf.Response], None]) -> None:
+        response = SolveMapf.Response()
         try:
-            obstacles, starts, goals = instance_of(request)
-            solution = self._search(obstacles, starts, goals, request.w, request.time_limit)
+            self._solve(request, response)
         except InvalidInstanceError as error:
             response.status = SolveMapf.Response.INVALID
             response.message = str(error)
             self.get_logger().warning(f"refused a request: {error}")
-            return response
-        fill_response(response, solution, request)
+        except Exception as error:  # whatever it is, the client waits for an answer
+            response = SolveMapf.Response(status=SolveMapf.Response.INVALID, message=f"the expert failed: {error!r}")
+            self.get_logger().error(response.message)
+        try:
+            send(response)
+        except Exception as error:
+            self.get_logger().error(f"could not send a response: {error!r}")
+
+    def _solve(self, request: SolveMapf.Request, response: SolveMapf.Response) -> None:
+        obstacles, starts, goals = instance_of(request)
+        time_limit = min(validate_time_limit(request.time_limit), self._longest)
+        solution = solve(obstacles, starts, goals, request.w, time_limit, stop=self._stop)
+        fill_response(response, solution, time_limit)
         self.get_logger().info(
             f"{len(starts)} robots on {request.width}x{request.height} cells: {solution.status.name} in "
             f"{solution.seconds:.3f} s, cost {solution.cost}, lower bound {solution.lower_bound}"
         )
-        return response
 
-    def _search(
-        self, obstacles: np.ndarray, starts: np.ndarray, goals: np.ndarray, w: float, time_limit: float
-    ) -> Solution:
-        # In a thread of its own, so that this one can see the word to end.
-        stop = StopFlag()
-        search = self._pool.submit(solve, obstacles, starts, goals, w, time_limit, stop=stop)
-        while not search.done():
-            wait([search], timeout=0.1)
-            if told_to_end():
-                stop.set()
-        return search.result()
+    def destroy_node(self) -> None:
+        """End the searches, answer all requests, and destroy the node."""
+        self._stop.set()
+        self._pool.shutdown()
+        super().destroy_node()
 
 
 def instance_of(request: SolveMapf.Request) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -83,8 +97,8 @@ def instance_of(request: SolveMapf.Request) -> tuple[np.ndarray, np.ndarray, np.
     return obstacles.reshape(request.height, request.width), starts, goals
 
 
-def fill_response(response: SolveMapf.Response, solution: Solution, request: SolveMapf.Request) -> None:
-    """Writes a solution into the response to the request that it answers."""
+def fill_response(response: SolveMapf.Response, solution: Solution, time_limit: float) -> None:
+    """Writes a solution, found or not within `time_limit` seconds, into a response."""
     response.status = _STATUS[solution.status]
     response.lower_bound = float(solution.lower_bound)
     response.time = solution.seconds
@@ -99,7 +113,7 @@ def fill_response(response: SolveMapf.Response, solution: Solution, request: Sol
         response.message = "the expert is shutting down"
     else:
         response.message = (
-            f"not solved within {request.time_limit:g} s: allow more time or a larger w; there may be no solution"
+            f"not solved within {time_limit:g} s: allow more time or a larger w; there may be no solution"
         )
 
 

@@ -19,6 +19,7 @@ class SolveStatus(enum.IntEnum):
     TIMED_OUT = 2
     NODE_LIMIT = 3
     STOPPED = 4  # by a StopFlag
+    INCOMPLETE = 5  # a baseline came to its end; whether there is a solution is not known
 
 
 @dataclass(frozen=True)
@@ -28,17 +29,21 @@ class Solution:
     Attributes:
         status: how the search ended.
         paths: int16 `[T + 1, N, 2]`, cells `(x, y)` by time step and robot, or None unless solved. T is the
-            makespan; robots that arrived earlier rest on their goals.
+            makespan; robots that arrived earlier rest on their goals. `solve_replan` gives valid paths whatever its
+            status: those walked until it ended.
+        arrived: bool `[N]`, whether each robot is on its goal at the end of its path; nowhere if there are no paths.
         cost: steps, the sum over robots of the time after which the robot stays on its goal; 0 unless solved.
-        lower_bound: steps. No valid paths cost less, solved or not; if solved, `cost <= w * lower_bound`.
+        lower_bound: steps. No valid paths cost less, solved or not; if `solve` solved it, `cost <= w * lower_bound`.
         makespan: steps, the last arrival; 0 unless solved.
         seconds: wall time of the search.
-        expansions_high: expanded nodes of the constraint tree.
-        expansions_low: expanded space-time nodes, all robots' searches together.
+        expansions_high: expanded nodes of the constraint tree (`solve_hca`: orders tried; `solve_replan`: plans that
+            were made anew).
+        expansions_low: expanded nodes, all robots' searches together.
     """
 
     status: SolveStatus
     paths: np.ndarray | None
+    arrived: np.ndarray
     cost: int
     lower_bound: int
     makespan: int
@@ -89,15 +94,23 @@ def solve(
 
 def solve_instance(instance: Instance, w: float, time_limit: float, node_limit: int, stop: StopFlag | None) -> Solution:
     """`solve` for what `validate_instance` and `validate_limits` returned."""
-    status, paths, cost, lower_bound, seconds, high, low = _core.solve(
-        instance.obstacles, instance.starts, instance.goals, w, time_limit, node_limit, stop
+    return solution_of(
+        _core.solve(instance.obstacles, instance.starts, instance.goals, w, time_limit, node_limit, stop), instance
     )
+
+
+def solution_of(outcome: tuple[int, np.ndarray | None, int, int, float, int, int], instance: Instance) -> Solution:
+    """A compiled search's `outcome` on `instance`."""
+    status, paths, cost, lower_bound, seconds, high, low = outcome
+    solved = status == SolveStatus.SOLVED
+    arrived = np.zeros(instance.num_robots, bool) if paths is None else (paths[-1] == instance.goals).all(axis=1)
     return Solution(
         status=SolveStatus(status),
         paths=paths,
+        arrived=arrived,
         cost=cost,
         lower_bound=lower_bound,
-        makespan=0 if paths is None else len(paths) - 1,
+        makespan=len(paths) - 1 if solved and paths is not None else 0,
         seconds=seconds,
         expansions_high=high,
         expansions_low=low,

@@ -10,11 +10,16 @@
 #include "ecbs.hpp"
 #include "feasibility.hpp"
 #include "grid.hpp"
+#include "hca.hpp"
+#include "replan.hpp"
+#include "solution.hpp"
 #include "types.hpp"
 
 namespace py = pybind11;
 using magat_expert::Ecbs;
 using magat_expert::Grid;
+using magat_expert::Hca;
+using magat_expert::Replan;
 using magat_expert::Solution;
 using magat_expert::Watch;
 
@@ -65,8 +70,10 @@ bool signal_raised() {
   return PyErr_CheckSignals() != 0;
 }
 
-py::tuple solve(const Mask& obstacles, const Cells& starts, const Cells& goals, double w, double time_limit,
-                std::int64_t node_limit, const std::shared_ptr<StopFlag>& stop) {
+// Runs `search(grid, starts, goals, watch)` without Python's lock.
+template <typename Search>
+py::tuple run(const Mask& obstacles, const Cells& starts, const Cells& goals, double time_limit,
+              const std::shared_ptr<StopFlag>& stop, Search search) {
   const Grid grid = grid_of(obstacles);
   const std::vector<int> start_cells = cells_of(grid, starts);
   const std::vector<int> goal_cells = cells_of(grid, goals);
@@ -78,8 +85,7 @@ py::tuple solve(const Mask& obstacles, const Cells& starts, const Cells& goals, 
     if (magat_expert::proven_unsolvable(grid, start_cells, goal_cells)) {
       solution.status = Solution::Status::kNoSolution;
     } else {
-      Ecbs ecbs(grid, start_cells, goal_cells, w, watch);
-      solution = ecbs.solve(node_limit);
+      solution = search(grid, start_cells, goal_cells, watch);
     }
     seconds = watch.elapsed();
   }
@@ -87,11 +93,38 @@ py::tuple solve(const Mask& obstacles, const Cells& starts, const Cells& goals, 
     throw py::error_already_set();
   }
   py::object paths = py::none();
-  if (solution.status == Solution::Status::kSolved) {
+  if (!solution.paths.empty()) {
     paths = paths_array(grid, solution.paths);
   }
   return py::make_tuple(static_cast<int>(solution.status), paths, solution.cost, solution.lower_bound, seconds,
                         solution.high_level_expansions, solution.low_level_expansions);
+}
+
+py::tuple solve(const Mask& obstacles, const Cells& starts, const Cells& goals, double w, double time_limit,
+                std::int64_t node_limit, const std::shared_ptr<StopFlag>& stop) {
+  return run(obstacles, starts, goals, time_limit, stop,
+             [&](const Grid& grid, const std::vector<int>& from, const std::vector<int>& to, Watch& watch) {
+               Ecbs ecbs(grid, from, to, w, watch);
+               return ecbs.solve(node_limit);
+             });
+}
+
+py::tuple solve_hca(const Mask& obstacles, const Cells& starts, const Cells& goals, double time_limit,
+                    std::int64_t orders, std::uint64_t seed, const std::shared_ptr<StopFlag>& stop) {
+  return run(obstacles, starts, goals, time_limit, stop,
+             [&](const Grid& grid, const std::vector<int>& from, const std::vector<int>& to, Watch& watch) {
+               Hca hca(grid, from, to, watch);
+               return hca.solve(orders, seed);
+             });
+}
+
+py::tuple solve_replan(const Mask& obstacles, const Cells& starts, const Cells& goals, double time_limit,
+                       std::int64_t max_steps, std::uint64_t seed, const std::shared_ptr<StopFlag>& stop) {
+  return run(obstacles, starts, goals, time_limit, stop,
+             [&](const Grid& grid, const std::vector<int>& from, const std::vector<int>& to, Watch& watch) {
+               Replan replan(grid, from, to, watch);
+               return replan.solve(max_steps, seed);
+             });
 }
 
 py::array_t<std::int32_t> components(const Mask& obstacles) {
@@ -119,6 +152,11 @@ PYBIND11_MODULE(_core, m) {
         py::arg("time_limit"), py::arg("node_limit"), py::arg("stop"),
         "(status, paths or None, cost, lower_bound, seconds, high-level, low-level expansions); status is the place in "
         "SolveStatus.");
+  m.def("solve_hca", &solve_hca, py::arg("obstacles"), py::arg("starts"), py::arg("goals"), py::arg("time_limit"),
+        py::arg("orders"), py::arg("seed"), py::arg("stop"), "As solve; expansions: orders tried, space-time nodes.");
+  m.def("solve_replan", &solve_replan, py::arg("obstacles"), py::arg("starts"), py::arg("goals"),
+        py::arg("time_limit"), py::arg("max_steps"), py::arg("seed"), py::arg("stop"),
+        "As solve, with paths even if not solved; expansions: plans made anew, nodes of A*.");
   m.def("components", &components, py::arg("obstacles"),
         "int32 [H, W]: the connected component of each free cell, from 0; -1 on obstacles.");
 }

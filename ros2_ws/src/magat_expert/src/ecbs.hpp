@@ -9,19 +9,10 @@
 #include "low_level.hpp"
 #include "path_store.hpp"
 #include "path_table.hpp"
+#include "solution.hpp"
 #include "types.hpp"
 
 namespace magat_expert {
-
-struct Solution {
-  enum class Status { kSolved, kNoSolution, kTimedOut, kNodeLimit, kStopped };
-  Status status = Status::kNoSolution;
-  std::vector<std::vector<std::int32_t>> paths;  // [robot][time], up to the arrival; empty unless solved
-  std::int64_t cost = 0;
-  std::int64_t lower_bound = 0;
-  std::int64_t high_level_expansions = 0;
-  std::int64_t low_level_expansions = 0;
-};
 
 /// Enhanced Conflict-Based Search (Barer, Sharon, Stern, Felner 2014): the constraint tree.
 ///

@@ -15,11 +15,6 @@ REACTION = 0.2
 _told_to_end = threading.Event()
 
 
-def told_to_end() -> bool:
-    """Whether this process's node should end: long callbacks look here now and then."""
-    return _told_to_end.is_set()
-
-
 def run_node(name: str, create: Callable[[], Node], args: list[str] | None = None) -> int:
     """Create a node and run it until SIGINT or SIGTERM.
 
@@ -43,7 +38,7 @@ def run_node(name: str, create: Callable[[], Node], args: list[str] | None = Non
             return 1
         executor = EventsExecutor()
         executor.add_node(node)
-        while not told_to_end():
+        while not _told_to_end.is_set():
             executor.spin_once(timeout_sec=REACTION)  # without a timeout, rclpy 7.1.6 calls nothing
         executor.remove_node(node)
         node.destroy_node()

@@ -1,0 +1,115 @@
+"""``magat bench-expert``: how fast the expert is on the scenario sets, and how close to its bound."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from magat_expert import Solution, solve_many
+from magat_sim.case import Case, draw_case
+
+#: Share of obstacle cells of all scenario sets.
+_DENSITY = 0.1
+
+
+@dataclass(frozen=True)
+class ExpertSet:
+    """Square maps of one size with a number of robots each, and the bound that the expert solves them with."""
+
+    side: int
+    robots: int
+    w: float
+
+    @property
+    def name(self) -> str:
+        return f"{self.side}x{self.side} ({self.robots})"
+
+    def cases(self, count: int, seed: int) -> Iterator[Case]:
+        """The first ``count`` cases under ``seed``."""
+        return (draw_case(seed, number, self.side, self.side, self.robots, _DENSITY) for number in range(count))
+
+
+SETS = tuple(
+    ExpertSet(side, robots, 1.1)
+    for side, robots in ((20, 10), (28, 20), (35, 30), (40, 40), (50, 60), (50, 100), (65, 100))
+)
+LARGE_SETS = tuple(ExpertSet(side, robots, 5.0) for side, robots in ((100, 500), (200, 500), (200, 1000)))
+
+
+@dataclass(frozen=True)
+class ExpertSpeed:
+    """What was measured on the cases of one set, unsolved ones included unless said otherwise."""
+
+    cases: int
+    #: Wall time of a search, milliseconds.
+    mean: float
+    median: float
+    p95: float
+    longest: float
+    #: Space-time nodes that a second of search expands.
+    expansions_per_second: float
+    #: Cost / lower bound, the sums over the solved cases; NaN if none is solved. It is at most w.
+    cost_ratio: float
+    #: Share of the cases that were solved within the time limit.
+    solved: float
+
+
+def measure(solutions: Sequence[Solution]) -> ExpertSpeed:
+    """The figures of at least one search."""
+    milliseconds = 1000.0 * np.array([solution.seconds for solution in solutions])
+    solved = [solution for solution in solutions if solution.solved]
+    lower_bound = sum(solution.lower_bound for solution in solved)
+    return ExpertSpeed(
+        cases=len(solutions),
+        mean=float(milliseconds.mean()),
+        median=float(np.median(milliseconds)),
+        p95=float(np.quantile(milliseconds, 0.95)),
+        longest=float(milliseconds.max()),
+        expansions_per_second=sum(solution.expansions_low for solution in solutions) / (milliseconds.sum() / 1000.0),
+        cost_ratio=sum(solution.cost for solution in solved) / lower_bound if lower_bound else float("nan"),
+        solved=len(solved) / len(solutions),
+    )
+
+
+def bench_expert(
+    counts: Sequence[tuple[ExpertSet, int]], seed: int, time_limit: float, console: Console
+) -> list[ExpertSpeed]:
+    """Solve cases one after another, on one core.
+
+    Args:
+        counts: the sets, and of how many cases each.
+        seed: of the cases.
+        time_limit: of each search, seconds.
+        console: shows the progress.
+    """
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    speeds = []
+    with Progress(*columns, console=console, transient=True) as progress:
+        for which, count in counts:
+            task = progress.add_task(which.name, total=count)
+            solutions = solve_many(which.cases(count, seed), w=which.w, time_limit=time_limit)
+            speeds.append(measure(list(progress.track(solutions, total=count, task_id=task))))
+            progress.remove_task(task)
+    return speeds
+
+
+def table(counts: Sequence[tuple[ExpertSet, int]], speeds: Sequence[ExpertSpeed]) -> Table:
+    """``speeds`` of the sets of ``counts`` for people."""
+    result = Table(title="ECBS, milliseconds of search a case", title_justify="left", box=None, pad_edge=False)
+    for heading in ("set", "w", "cases", "mean", "median", "p95", "max", "Mexp/s", "cost/lb", "solved"):
+        result.add_column(heading, justify="left" if heading == "set" else "right", no_wrap=True)
+    for (which, _), speed in zip(counts, speeds, strict=True):
+        times = (speed.mean, speed.median, speed.p95, speed.longest)
+        result.add_row(
+            which.name,
+            f"{which.w:g}",
+            str(speed.cases),
+            *(f"{time:.1f}" if time < 1000.0 else f"{time:.0f}" for time in times),
+            f"{speed.expansions_per_second / 1e6:.2f}",
+            f"{speed.cost_ratio:.3f}",
+            f"{100 * speed.solved:.0f} %",
+        )
+    return result

@@ -1,0 +1,71 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "grid.hpp"
+#include "path_store.hpp"
+#include "path_table.hpp"
+#include "solution.hpp"
+#include "types.hpp"
+
+namespace magat_expert {
+
+/// Hierarchical Cooperative A* (Silver: "Cooperative Pathfinding", AIIDE 2005).
+///
+/// One robot after another searches space-time, with its exact distances as heuristic, around the paths of those
+/// before it. A robot rests on its goal for ever, so it arrives only when no robot before it passes there any more.
+/// Starts are unique, goals are unique, and every goal is reachable from its start.
+class Hca {
+ public:
+  Hca(const Grid& grid, std::vector<int> starts, std::vector<int> goals, Watch& watch);
+
+  /// Tries up to `orders` orders of the robots: as numbered, then shuffled, whoever found no path before in front.
+  Solution solve(std::int64_t orders, std::uint64_t seed);
+
+ private:
+  enum class Outcome { kFound, kNoPath, kHalted };
+  struct Node {
+    std::int32_t cell;
+    std::int32_t time;
+    std::int32_t parent;
+  };
+  struct Entry {
+    std::int32_t f;
+    std::int32_t time;
+    std::int32_t node;
+    // std::push_heap keeps the largest on top: the smallest f, then the deepest node, then the oldest.
+    bool operator<(const Entry& other) const {
+      if (f != other.f) {
+        return f > other.f;
+      }
+      return time != other.time ? time < other.time : node > other.node;
+    }
+  };
+
+  int plan_all(const std::vector<int>& order);
+  Outcome search(int robot);
+  void generate(int robot, int cell, int time, int parent);
+  int earliest_arrival(int goal) const;
+  void store_path(int robot, int node);
+
+  const Grid& grid_;
+  std::vector<int> starts_;
+  std::vector<int> goals_;
+  Watch& watch_;
+  PathTable table_;  // the reservations
+  PathStore store_;
+  std::vector<std::vector<std::int32_t>> distances_;  // [robot][cell]
+  std::int64_t expansions_ = 0;
+
+  // Of the search under way.
+  int earliest_arrival_ = 0;
+  std::vector<Node> nodes_;
+  std::vector<Entry> open_;
+
+  // [time][cell]: the best node made for it. From the time on at which all others rest there is one layer only: the
+  // world stands still. Never cleared: an entry counts only if that node is of this search and says so itself.
+  std::vector<std::vector<std::int32_t>> node_at_;
+};
+
+}  // namespace magat_expert

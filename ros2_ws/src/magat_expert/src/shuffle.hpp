@@ -1,0 +1,17 @@
+#pragma once
+
+#include <cstddef>
+#include <random>
+#include <utility>
+#include <vector>
+
+namespace magat_expert {
+
+/// A random order, the same on every platform; std::shuffle promises none.
+inline void shuffle(std::vector<int>& order, std::mt19937_64& generator) {
+  for (std::size_t i = order.size(); i > 1; --i) {
+    std::swap(order[i - 1], order[generator() % i]);
+  }
+}
+
+}  // namespace magat_expert

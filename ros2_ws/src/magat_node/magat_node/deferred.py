@@ -1,0 +1,32 @@
+"""Services that answer later."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from rclpy.node import Node
+
+
+def create_deferred_service(
+    node: Node, service_type: type, name: str, handle: Callable[[Any, Callable[[Any], None]], None]
+) -> None:
+    """Create a service whose requests are answered by work that goes on after the callback.
+
+    rclpy sends what a callback returns, and an EventsExecutor serves nobody else until then. Here the callback starts
+    the work and returns.
+
+    Args:
+        node: that offers the service.
+        service_type: of the service.
+        name: of the service, as `Node.create_service` takes it.
+        handle: called in the executor's thread with the request and a function that sends the response, which may be
+            called at any time until the node is destroyed, once, in any thread.
+    """
+    service = node.create_service(service_type, name, lambda request, _: request)
+    send = service.send_response
+
+    # The executor sends the callback's result, here the request itself, to the client of the request with this header.
+    def begin(request: Any, header: Any) -> None:
+        handle(request, partial(send, header=header))
+
+    service.send_response = begin

@@ -1,0 +1,186 @@
+"""Cases in the files of the path finding community: MovingAI's `.map` and `.scen`.
+
+Sturtevant: "Benchmarks for Grid-Based Pathfinding" (TCIAIG 2012), and Stern et al.: "Multi-Agent Pathfinding:
+Definitions, Variants, and Benchmarks" (SoCS 2019). In the files y points down from the top left cell; here it points up
+from the bottom left one. This module is the only place that turns it round: `y = height - 1 - y of the file`, and the
+last line of a map is `y = 0`.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from scipy import sparse
+from scipy.sparse.csgraph import dijkstra
+
+from magat_sim.case import Case, InvalidCaseError, make_case
+from magat_sim.grid import BoolArray
+
+#: Terrain that a robot can enter: ground, and the swamp of the games' maps.
+_FREE = ".GS"
+#: Terrain that it cannot: out of bounds, trees, water.
+_BLOCKED = "@OTW"
+_COLUMNS = ("bucket", "map", "width", "height", "start x", "start y", "goal x", "goal y", "length")
+
+
+class MovingAIError(InvalidCaseError):
+    """A file that is no map or scenario; the message begins with its name and the line's number, from 1."""
+
+
+def read_map(path: Path) -> BoolArray:
+    """The obstacles of a `.map` file.
+
+    Returns:
+        ``[H, W]`` bool, indexed ``[y, x]``, y up; True is an obstacle. Free are `.`, `G` and `S`; blocked are `@`, `O`,
+        `T` and `W`.
+
+    Raises:
+        MovingAIError: the file is no map; the message says in which line and why.
+        OSError: the file cannot be read.
+    """
+    lines = _lines(path)
+    sizes = dict.fromkeys(("height", "width"), 0)
+    kind = ""
+    for number, line in lines:
+        word, _, value = line.partition(" ")
+        if word == "map":
+            break
+        if word == "type":
+            kind = value
+        elif word in sizes:
+            sizes[word] = _whole(path, number, value.strip(), word, 1)
+        else:
+            raise MovingAIError(f"{path}:{number}: {line!r} is no line of a map's head: type, height, width, map")
+    else:
+        raise MovingAIError(f"{path}: there is no line 'map', after which the rows begin")
+    if not kind or 0 in sizes.values():
+        raise MovingAIError(f"{path}:{number}: the head lacks type, height or width before 'map'")
+    return _rows(path, lines, sizes["width"], sizes["height"])
+
+
+def _rows(path: Path, lines: Iterator[tuple[int, str]], width: int, height: int) -> BoolArray:
+    rows = []
+    for number, line in lines:
+        if len(line) != width:
+            raise MovingAIError(f"{path}:{number}: the row has {len(line)} cells, and the map's width is {width}")
+        strange = next((i for i, cell in enumerate(line) if cell not in _FREE + _BLOCKED), None)
+        if strange is not None:
+            raise MovingAIError(
+                f"{path}:{number}: {line[strange]!r} in column {strange + 1} is no terrain: {_FREE} are free, "
+                f"{_BLOCKED} are blocked"
+            )
+        rows.append([cell in _BLOCKED for cell in line])
+    if len(rows) != height:
+        raise MovingAIError(f"{path}: there are {len(rows)} rows, and the map's height is {height}")
+    return np.array(rows[::-1], dtype=bool)
+
+
+def write_map(path: Path, obstacles: npt.ArrayLike) -> None:
+    """Write ``obstacles`` (``[H, W]`` bool, indexed ``[y, x]``, y up) as a `.map` file."""
+    mask = np.asarray(obstacles, dtype=bool)
+    rows = ["".join("@" if blocked else "." for blocked in row) for row in mask[::-1]]
+    head = ["type octile", f"height {mask.shape[0]}", f"width {mask.shape[1]}", "map"]
+    path.write_text("\n".join([*head, *rows]) + "\n", encoding="ascii")
+
+
+def read_case(map_path: Path, scenario_path: Path, robots: int | None = None) -> Case:
+    """A case of a `.map` file and the first lines of a `.scen` file, one a robot.
+
+    Args:
+        map_path: the map. The name of it in the scenario is not looked at: it is that of a folder we do not know.
+        scenario_path: the starts and goals. Buckets and lengths are not looked at.
+        robots: how many lines to take; all if None.
+
+    Raises:
+        MovingAIError: a file is not what it should be, or has too few lines; the message says where and why.
+        InvalidCaseError: a goal cannot be reached from its start.
+        OSError: a file cannot be read.
+    """
+    obstacles = read_map(map_path)
+    lines = _lines(scenario_path)
+    number, head = next(lines, (1, ""))
+    if head.split() not in (["version", "1"], ["version", "1.0"]):
+        raise MovingAIError(f"{scenario_path}:{number}: {head!r} instead of 'version 1'")
+    cells: list[tuple[int, int, int, int]] = []
+    seen: dict[tuple[str, int, int], int] = {}
+    for number, line in lines:
+        if robots is not None and len(cells) == robots:
+            break
+        cells.append(_robot(scenario_path, number, line, obstacles, seen))
+    if not cells or len(cells) < (robots or 0):
+        raise MovingAIError(f"{scenario_path}: there are {len(cells)} robots in it, and {robots or 1} are asked for")
+    table = np.array(cells)
+    return make_case(obstacles, table[:, :2], table[:, 2:])
+
+
+def _robot(
+    path: Path, number: int, line: str, obstacles: BoolArray, seen: dict[tuple[str, int, int], int]
+) -> tuple[int, int, int, int]:
+    """Start and goal, y up, of one line. ``seen`` holds the lines that took a start or a goal."""
+    values = line.split("\t") if "\t" in line else line.split()
+    if len(values) != len(_COLUMNS):
+        raise MovingAIError(
+            f"{path}:{number}: the line has {len(values)} values, not {len(_COLUMNS)} ({', '.join(_COLUMNS)})"
+        )
+    width, height, *cells = (
+        _whole(path, number, value.strip(), name) for name, value in zip(_COLUMNS[2:8], values[2:8], strict=True)
+    )
+    if (height, width) != obstacles.shape:
+        raise MovingAIError(
+            f"{path}:{number}: the scenario is for {width}x{height} cells, and the map has "
+            f"{obstacles.shape[1]}x{obstacles.shape[0]}"
+        )
+    for name, (x, y) in (("start", cells[:2]), ("goal", cells[2:])):
+        where = f"{path}:{number}: the {name} ({x}, {y}), y down from the top,"
+        if x >= width or y >= height:
+            raise MovingAIError(f"{where} lies outside the {width}x{height} map")
+        if obstacles[height - 1 - y, x]:
+            raise MovingAIError(f"{where} is an obstacle")
+        other = seen.setdefault((name, x, y), number)
+        if other != number:
+            raise MovingAIError(f"{where} is that of line {other}, too: {name}s must differ")
+    return cells[0], height - 1 - cells[1], cells[2], height - 1 - cells[3]
+
+
+def write_case(case: Case, map_path: Path, scenario_path: Path) -> None:
+    """Write ``case`` as a `.map` and a `.scen` file that names it.
+
+    The lengths in the scenario are those of shortest paths with moves along the axes, in cells.
+    """
+    write_map(map_path, case.obstacles)
+    height, width = case.obstacles.shape
+    lines = ["version 1"]
+    for start, goal, length in zip(case.starts.tolist(), case.goals.tolist(), _lengths(case), strict=True):
+        values = (0, map_path.name, width, height, start[0], height - 1 - start[1], goal[0], height - 1 - goal[1])
+        lines.append("\t".join(map(str, (*values, length))))
+    scenario_path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _lengths(case: Case) -> list[int]:
+    """Steps of each robot's shortest path, the others ignored."""
+    height, width = case.obstacles.shape
+    free = ~case.obstacles
+    cells = np.arange(height * width).reshape(height, width)
+    beside, above = free[:, :-1] & free[:, 1:], free[:-1] & free[1:]
+    here = np.concatenate([cells[:, :-1][beside], cells[:-1][above]])
+    there = np.concatenate([cells[:, 1:][beside], cells[1:][above]])
+    graph = sparse.coo_array((np.ones(len(here)), (here, there)), shape=(height * width, height * width)).tocsr()
+    starts, goals = (cells[c[:, 1], c[:, 0]] for c in (case.starts, case.goals))
+    return [
+        int(dijkstra(graph, directed=False, unweighted=True, indices=start)[goal])
+        for start, goal in zip(starts, goals, strict=True)
+    ]
+
+
+def _lines(path: Path) -> Iterator[tuple[int, str]]:
+    """The lines of a file that are not blank, with their numbers from 1."""
+    for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
+        if line.strip():
+            yield number, line.strip("\r\n ")
+
+
+def _whole(path: Path, number: int, text: str, name: str, at_least: int = 0) -> int:
+    if not text.isdecimal() or int(text) < at_least:
+        raise MovingAIError(f"{path}:{number}: {name} is {text!r}: a whole number from {at_least} is needed")
+    return int(text)

@@ -28,6 +28,14 @@ test: setup ## Run the tests (ARGS="-k shield" passes options on to pytest)
 bench-expert: setup ## Time the expert on the scenario sets (ARGS="--large" adds the large ones)
 	@$(BIN)/magat bench-expert $(ARGS)
 
+.PHONY: frontier
+frontier: setup ## Success against flowtime over temperatures, into docs/ (ARGS="--policy NAME" chooses one)
+	@$(BIN)/magat frontier --output docs $(ARGS)
+
+.PHONY: bench-training
+bench-training: setup ## Observations a second in training, and what takes how long
+	@$(BIN)/magat bench-training $(ARGS)
+
 .PHONY: lint
 lint: setup ## Check style, format and types
 	@$(BIN)/ruff check .

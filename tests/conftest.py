@@ -1,5 +1,6 @@
 """What the suites share: the settings of hypothesis, random worlds, networks that look trained."""
 
+import copy
 from collections.abc import Callable
 
 import numpy as np
@@ -46,20 +47,41 @@ def random_network() -> Callable:
     import torch
 
     from magat_robot.policy.config import PolicyConfig
+    from magat_robot.policy.graph import GraphAttention, GraphConvolution, MessageAwareAttention
     from magat_robot.policy.network import PolicyNetwork
 
+    made: dict[tuple[PolicyConfig, int], PolicyNetwork] = {}
+
     def make(name: str = "MAGAT-F-16", seed: int = 0, **sizes: object) -> PolicyNetwork:
+        config = PolicyConfig(name, **({"channels": (8, 8, 16), "hidden": 24} | sizes))
+        if (config, seed) not in made:
+            made[config, seed] = trained(config, seed)
+        return copy.deepcopy(made[config, seed])
+
+    def trained(config: PolicyConfig, seed: int) -> PolicyNetwork:
         with torch.random.fork_rng(devices=[]), torch.no_grad():
             torch.manual_seed(seed)
-            network = PolicyNetwork(PolicyConfig(name, **({"channels": (8, 8, 16), "hidden": 24} | sizes)))
-            for module in network.modules():
-                if isinstance(module, torch.nn.BatchNorm2d):
-                    module.weight.uniform_(0.6, 1.6)
-                    module.bias.normal_(0, 0.4)
-            torch.nn.init.normal_(network.graph.query.weight, 0, 0.3)
+            network = PolicyNetwork(config)
+            norms = [module for module in network.modules() if isinstance(module, torch.nn.BatchNorm2d)]
+            for norm in norms:
+                norm.weight.uniform_(0.6, 1.6)
+                norm.bias.normal_(0, 0.4)
+            for layer in network.layers:
+                # As built, all neighbours weigh nearly the same.
+                if isinstance(layer, MessageAwareAttention):
+                    layer.query.weight.normal_(0, 4.8 / layer.inputs)
+                elif isinstance(layer, GraphAttention):
+                    layer.pair.normal_(0, 3 / config.features**0.5)
+                elif isinstance(layer, GraphConvolution) and not config.normalise:
+                    # Sums over neighbours grow from hop to hop, and would drown everything else.
+                    for hops, matrix in enumerate(layer.taps, start=1):
+                        matrix.mul_(6.0**-hops)
             views = (torch.rand(64, 3, 11, 11) < 0.2).float()
-            for _ in range(30):
-                network.extractor(views)
+            for norm in norms:
+                norm.momentum = 1.0  # the statistics are those of the next batch
+            network.extractor(views)
+            for norm in norms:
+                norm.momentum = 0.1
             network.eval()
             layers = (network.extractor.linear, network.reduction, network.hidden, network.action)
             hooks = [layer.register_forward_pre_hook(spread_out) for layer in layers]
@@ -85,9 +107,10 @@ def small_policy(random_network: Callable) -> Callable:
 
     made: dict[tuple, Policy] = {}
 
-    def policy(name: str = "MAGAT-F-16", seed: int = 0) -> Policy:
-        if (name, seed) not in made:
-            made[name, seed] = Policy(random_network(name, seed))
-        return made[name, seed]
+    def policy(name: str = "MAGAT-F-16", seed: int = 0, **sizes: object) -> Policy:
+        key = (name, seed, *sorted(sizes.items()))
+        if key not in made:
+            made[key] = Policy(random_network(name, seed, **sizes))
+        return made[key]
 
     return policy

@@ -2,14 +2,12 @@
 
 import json
 
-import numpy as np
 import pytest
 
 from magat_bringup.cli import main
 from magat_robot.policy.store import load
 from magat_sim.measures import summarise
-from magat_training.cases import SET_SEED, SPLITS, solved_cases
-from magat_training.data import read_cases
+from magat_training.cases import SPLITS, solved_cases
 from magat_training.evaluate import evaluate
 
 
@@ -46,7 +44,8 @@ def test_a_temperature_can_be_tried(capfd, policy_folder):
         (["evaluate", "--cases", "1000000"], "has 4500 cases"),
         (["evaluate", "--cases", "2", "--robots", "500"], "do not fit"),
         (["run", "--policy", "no-such-policy"], "no policy 'no-such-policy'"),
-        (["train", "--policy", "MAGIC", "--output", "x"], "unknown policy name 'MAGIC'"),
+        (["train", "MAGIC"], "unknown policy name 'MAGIC'"),
+        (["train", "no-such.yaml"], "the recipe no-such.yaml cannot be read"),
     ],
 )
 def test_what_cannot_be_done_is_said_in_a_sentence(capfd, arguments, said):
@@ -55,39 +54,7 @@ def test_what_cannot_be_done_is_said_in_a_sentence(capfd, arguments, said):
     assert said in " ".join((output.out + output.err).split())
 
 
-def test_data_are_written_and_read(capfd, tmp_path):
-    path = tmp_path / "cases.npz"
-    assert main(["data", "--cases", "12", "--robots", "4", "--output", str(path)]) == 0
-    seed, solved = read_cases(path)
-    assert (seed, len(solved), solved[0].case.robots) == (SET_SEED, 12, 4)
-    assert "12 of 12 cases solved" in " ".join(capfd.readouterr().err.split())
-
-
 def test_numbers_that_are_none_are_refused():
     for bad in ("0", "-1", "x"):
         with pytest.raises(SystemExit):
             main(["evaluate", "--cases", bad])
-
-
-def test_training_leaves_a_policy_that_loads_and_decides(tmp_path):
-    command = [
-        "train",
-        "--steps",
-        "3",
-        "--cases",
-        "10",
-        "--valid-cases",
-        "5",
-        "--threads",
-        "1",
-        "--output",
-        str(tmp_path),
-    ]
-    assert main(command) == 0
-    policy = load(tmp_path / "MAGAT-F-128")
-    view = np.zeros((2, 3, 11, 11), dtype=np.uint8)
-    streams = np.zeros(2, dtype=np.uint64)
-    assert policy.decide_together(view, np.array([[1], [0]]), streams, 0).weights.shape == (2, 5)
-    card = (tmp_path / "MAGAT-F-128" / "card.md").read_text()
-    assert "| 3 |" in card
-    assert main(command) == 0, "a finished run is left as it is"

@@ -26,6 +26,43 @@ def test_rectified_cuts_both_ends_and_is_on_the_grid_only_if_exact(dtype: torch.
     assert exact.dtype == dtype
 
 
+def test_the_gradient_of_sigma_is_that_of_the_numbers() -> None:
+    x = torch.tensor([-9.0, -1e-3, 1e-3, 0.3, 4.0, 7.999, 8.001, 30.0], dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradcheck(lambda x: fp.rectified(x, exact=False), x, eps=1e-6)
+    (gradient,) = torch.autograd.grad(fp.rectified(x, exact=False).sum(), x)
+    assert gradient.tolist() == [0, 0, 1, 1, 1, 1, 0, 0]
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@pytest.mark.parametrize("incoming", ["alike", "in another layout", "one number for all"])
+@pytest.mark.parametrize("layout", [torch.contiguous_format, torch.channels_last])
+def test_the_gradient_of_sigma_is_that_of_torch_and_keeps_the_layout(
+    dtype: torch.dtype, incoming: str, layout: torch.memory_format
+) -> None:
+    generator = torch.Generator().manual_seed(0)
+    values = torch.randn(3, 4, 5, 6, generator=generator, dtype=dtype) * 8
+    x = values.contiguous(memory_format=layout).requires_grad_()
+    towards = torch.randn(3, 4, 5, 6, generator=generator, dtype=dtype).contiguous(memory_format=layout)
+    if incoming == "in another layout":
+        towards = towards.transpose(0, 2).contiguous().transpose(0, 2)
+    elif incoming == "one number for all":
+        towards = torch.ones(1, dtype=dtype).expand(3, 4, 5, 6)
+    ours, theirs = fp.rectified(x, exact=False), x.clamp(0.0, 8.0)
+    assert torch.equal(ours, theirs)
+    assert ours.is_contiguous(memory_format=layout)
+    (gradient,) = torch.autograd.grad(ours, x, towards)
+    assert torch.equal(gradient, *torch.autograd.grad(theirs, x, towards))
+    assert gradient.is_contiguous(memory_format=layout)
+    assert gradient.dtype == dtype
+
+
+def test_nothing_flows_back_through_a_sigma_whose_input_is_zero() -> None:
+    # As with a ReLU: zeros come about all the time, where all inputs of a sum are zero.
+    x = torch.zeros(3, requires_grad=True)
+    (gradient,) = torch.autograd.grad(fp.rectified(x, exact=False).sum(), x)
+    assert not gradient.any()
+
+
 @st.composite
 def summed_layers(draw: st.DrawFn) -> tuple[list[torch.Tensor], torch.Tensor, int, float]:
     """Weights, bias and inputs of one convolution or two that are added up, made to round badly."""
@@ -98,6 +135,15 @@ def test_weight_bits_are_counted_channel_by_channel() -> None:
 def test_weights_too_large_for_any_grid_are_refused() -> None:
     with pytest.raises(ValueError, match="too large for exact sums"):
         fp.weight_bits([torch.full((1, 9), 4000.0)], [torch.zeros(1)], 6, 8.0)
+
+
+def test_weights_in_float64_are_rounded_and_refused_by_name_where_they_add_up_to_more_than_two_to_the_16() -> None:
+    weights = torch.tensor([[1.0, -3.3e-5], [-(2.0**15), 2.0**15 - 2]], dtype=torch.float64)
+    snapped = fp.snap_float64(weights, "some.weight")
+    assert snapped.tolist() == [[1.0, -2 * 2.0**-16], [-(2.0**15), 2.0**15 - 2]]
+    weights[0, 0] = 3.0
+    with pytest.raises(ValueError, match=r"some\.weight .*too large for exact sums"):
+        fp.snap_float64(weights, "some.weight")
 
 
 @given(st.integers(0, 2**32 - 1))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from safetensors.torch import save_file
+from safetensors.torch import load_file, save_file
 
 from magat_robot.policy.config import ModelError
 from magat_robot.policy.policy import Policy
@@ -36,19 +36,32 @@ def rewrite_weights(folder: Path, tensors: dict[str, torch.Tensor]) -> None:
 
 
 def test_a_loaded_policy_decides_as_the_saved_one_to_the_last_bit(
-    random_team: Callable, random_network: Callable, tmp_path: Path
+    random_team: Callable, random_network: Callable, tmp_path: Path, variant: dict
 ) -> None:
-    for name in ("MAGAT-F-16", "MAGAT-B-16-P3"):
-        network = random_network(name, temperature=0.5)
-        digest = save(network, tmp_path / name, "")
-        policy = load(tmp_path / name)
-        assert policy.config == network.config
-        assert policy.digest == digest == hashlib.sha256((tmp_path / name / WEIGHTS).read_bytes()).hexdigest()
-        team = random_team(np.random.default_rng(0), 25)
-        arguments = (team.field_of_view, team.heard, team.streams, 4)
-        before, after = Policy(network).decide_together(*arguments), policy.decide_together(*arguments)
-        assert after.weights.tobytes() == before.weights.tobytes()
-        assert after.primitives.tolist() == before.primitives.tolist()
+    network = random_network(**variant, temperature=0.5)
+    digest = save(network, tmp_path / "policy", "")
+    policy = load(tmp_path / "policy")
+    assert policy.config == network.config
+    assert policy.digest == digest == hashlib.sha256((tmp_path / "policy" / WEIGHTS).read_bytes()).hexdigest()
+    team = random_team(np.random.default_rng(0), 25)
+    arguments = (team.field_of_view, team.heard, team.streams, 4)
+    before, after = Policy(network).decide_together(*arguments), policy.decide_together(*arguments)
+    assert after.weights.tobytes() == before.weights.tobytes()
+    assert after.primitives.tolist() == before.primitives.tolist()
+
+
+def test_what_was_trained_is_stored_and_nothing_that_deployment_makes_of_it(
+    random_network: Callable, tmp_path: Path, variant: dict
+) -> None:
+    network = random_network(**variant)
+    Policy(network)  # deployed once already
+    save(network, tmp_path, "")
+    stored = load_file(tmp_path / WEIGHTS)
+    assert set(stored) == {*dict(network.named_parameters()), *dict(network.named_buffers())}
+    assert not any("folded" in name for name in stored)
+    loaded, _ = load_network(tmp_path)
+    assert all(torch.equal(tensor, loaded.state_dict()[name]) for name, tensor in network.state_dict().items())
+    assert all(parameter.dtype == torch.float32 for parameter in loaded.parameters())
 
 
 def test_a_network_trained_in_another_memory_format_is_saved_as_it_is(random_network: Callable, tmp_path: Path) -> None:
@@ -102,11 +115,25 @@ def test_weights_of_another_policy_are_refused(folder: Path, random_network: Cal
         load(folder)
 
 
-@pytest.mark.parametrize("name", ["MAGAT-F-16-P3", "MAGAT-B-8-P3", "MAGAT-B-16"])
+@pytest.mark.parametrize(
+    ("name", "sizes"),
+    [
+        ("MAGAT-F-16-P3", {}),
+        ("MAGAT-B-8-P3", {}),
+        ("MAGAT-B-16", {}),
+        ("GAT-B-16-P3", {}),
+        ("GNN-B-16-P3", {}),
+        ("GNN_baseline-B-16-P3", {}),
+        ("MAGAT-B-16-P3", {"taps": 3}),
+        ("MAGAT-B-16-P3", {"taps": 1}),
+        ("MAGAT-B-16-P3", {"layers": 2}),
+    ],
+    ids=str,
+)
 def test_weights_of_another_configuration_are_refused_though_their_digest_is_right(
-    folder: Path, random_network: Callable, name: str
+    folder: Path, random_network: Callable, name: str, sizes: dict
 ) -> None:
-    rewrite_weights(folder, random_network(name).state_dict())
+    rewrite_weights(folder, random_network(name, **sizes).state_dict())
     with pytest.raises(ModelError, match=rf"{WEIGHTS} .*MAGAT-B-16-P3"):
         load(folder)
 
@@ -160,6 +187,7 @@ def test_weights_that_cannot_be_deployed_are_refused(folder: Path, random_networ
         pytest.param(b"null", id="null"),
         pytest.param(b"{}", id="nothing in it"),
         pytest.param(b'{"policy": 3, "sha256": "0"}', id="a number for a policy"),
+        pytest.param(b'{"policy": ' + 5000 * b"9" + b', "sha256": "0"}', id="a number too long to read"),
     ],
 )
 def test_a_damaged_configuration_is_refused_by_the_name_of_its_file(folder: Path, text: bytes) -> None:
@@ -175,6 +203,12 @@ def test_a_damaged_configuration_is_refused_by_the_name_of_its_file(folder: Path
         pytest.param(lambda stored: stored["policy"].pop("hidden"), id="a missing key"),
         pytest.param(lambda stored: stored["policy"].update(hidden="wide"), id="a value of another kind"),
         pytest.param(lambda stored: stored["policy"].update(temperature=0), id="a value out of range"),
+        pytest.param(lambda stored: stored["policy"].update(temperature=10**400), id="a value beyond all ranges"),
+        pytest.param(lambda stored: stored["policy"].update(taps="two"), id="taps in words"),
+        pytest.param(lambda stored: stored["policy"].update(layers=1.5), id="half a layer"),
+        pytest.param(lambda stored: stored["policy"].update(layers=True), id="a truth value for a number"),
+        pytest.param(lambda stored: stored["policy"].update(normalise=1), id="a number for a truth value"),
+        pytest.param(lambda stored: stored["policy"].pop("taps"), id="no taps"),
         pytest.param(lambda stored: stored["policy"].update(name="GAT-X"), id="an unknown policy"),
         pytest.param(lambda stored: stored.pop("sha256"), id="no digest"),
         pytest.param(lambda stored: stored.update(sha256=None), id="an empty digest"),
@@ -186,7 +220,8 @@ def test_an_unusable_configuration_is_refused_by_the_name_of_its_file(folder: Pa
         load(folder)
 
 
-def test_a_configuration_too_large_for_any_machine_is_refused(folder: Path) -> None:
-    rewrite_config(folder, lambda stored: stored["policy"].update(hidden=10**15))
+@pytest.mark.parametrize("change", [{"hidden": 10**15}, {"taps": 10**15}, {"layers": 10**15}], ids=repr)
+def test_a_configuration_too_large_for_any_machine_is_refused(folder: Path, change: dict) -> None:
+    rewrite_config(folder, lambda stored: stored["policy"].update(change))
     with pytest.raises(ModelError, match=CONFIG):
         load(folder)

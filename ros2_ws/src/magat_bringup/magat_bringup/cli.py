@@ -15,6 +15,7 @@ from magat_bringup.processes import TeamError
 from magat_robot.policy.config import ModelError
 from magat_sim.case import InvalidCaseError
 from magat_training.cases import SET_SEED, SPLITS
+from magat_training.data import DataSetError
 
 #: Exit status of a process that Ctrl-C ended.
 INTERRUPTED = 130
@@ -27,10 +28,10 @@ def main(args: list[str] | None = None) -> int:
     console = Console(stderr=options.command != "run")
     try:
         return options.execute(options, console)
-    except KeyboardInterrupt:
-        console.print("interrupted: every process has ended")
+    except KeyboardInterrupt as interrupt:
+        console.print(f"interrupted: {str(interrupt) or 'every process has ended'}")
         return INTERRUPTED
-    except (TeamError, ModelError, NoDomainError, InvalidCaseError) as error:
+    except (TeamError, ModelError, NoDomainError, InvalidCaseError, DataSetError) as error:
         console.print(f"[bold red]magat:[/] {error}", highlight=False)
         return 1
 
@@ -57,14 +58,37 @@ def _parser() -> argparse.ArgumentParser:
     evaluate.add_argument("--temperature", type=float, help="sampling temperature instead of the policy's own")
     evaluate.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
 
-    data = commands.add_parser("data", help="draw cases, solve them by the expert, and write them to a file")
-    data.set_defaults(execute=_data)
-    data.add_argument("--cases", type=_positive, default=SPLITS["test"].stop, help="how many, from number 0")
-    data.add_argument("--output", type=Path, required=True, help="file to write (.npz, see magat_training/data.py)")
+    data = commands.add_parser("data", help="data sets: cases for training, validation and tests, with their solutions")
+    actions = data.add_subparsers(dest="action", required=True)
+    make_data = actions.add_parser("make", help="draw cases and solve them by the expert; run again to resume")
+    make_data.set_defaults(execute=_make_data)
+    make_data.add_argument("--cases", type=_positive, default=SPLITS["test"].stop, help="how many in all, 70/15/15 %%")
+    make_data.add_argument("--output", type=Path, help="folder (default: data/[width]x[height]-[robots])")
+    show_data = actions.add_parser("show", help="print what a data set holds, and verify it")
+    show_data.set_defaults(execute=_show_data)
+    show_data.add_argument("folder", type=Path)
 
-    for command in (run, evaluate):
+    measure = commands.add_parser(
+        "measure", help="score a policy on the standard sets, and keep the measures in its folder, for `magat models`"
+    )
+    measure.set_defaults(execute=_measure)
+    measure.add_argument("--cases", type=_positive, metavar="N", help="at most N of each set (default: all)")
+    measure.add_argument("--temperature", type=float, help="sampling temperature instead of the policy's own")
+
+    models = commands.add_parser("models", help="list the policies in models/: what they are, and how good")
+    models.set_defaults(execute=_models)
+    models.add_argument("--json", action="store_true", help="print one JSON list and nothing else")
+
+    frontier = commands.add_parser("frontier", help="success against flowtime, over sampling temperatures")
+    frontier.set_defaults(execute=_frontier)
+    frontier.add_argument("--policy", nargs="+", help="names of policies in models/, or folders (default: all there)")
+    frontier.add_argument("--temperatures", type=float, nargs="+", metavar="T", help="(default: 7 from 0.25 to 2)")
+    frontier.add_argument("--cases", type=_positive, default=300, help="of the validation split (default: 300)")
+    frontier.add_argument("--output", type=Path, default=Path("runs"), help="folder for frontier.csv and frontier.png")
+
+    for command in (run, evaluate, measure):
         command.add_argument("--policy", default="MAGAT-F-128", help="name of a policy in models/, or its folder")
-    for command in (run, evaluate, data):
+    for command in (run, evaluate, frontier, make_data):
         command.add_argument("--robots", type=_positive, default=10)
         command.add_argument("--width", type=_positive, default=20, help="cells")
         command.add_argument("--height", type=_positive, default=20, help="cells")
@@ -73,13 +97,17 @@ def _parser() -> argparse.ArgumentParser:
 
     train = commands.add_parser("train", help="train a policy by imitation of the expert; run again to resume")
     train.set_defaults(execute=_train)
-    train.add_argument("--policy", default="MAGAT-F-128", help="name of the policy")
-    train.add_argument("--steps", type=_positive, help="optimiser steps (default: those of the shipped policy)")
-    train.add_argument("--cases", type=_positive, help="training cases")
-    train.add_argument("--valid-cases", type=_positive, help="validation cases")
+    train.add_argument(
+        "recipe", nargs="?", default="MAGAT-F-128", help="name of a policy, or a YAML file (models/NAME/training.yaml)"
+    )
+    train.add_argument("--steps", type=_positive, help="optimiser steps")
+    train.add_argument("--online", choices=["off", "failures", "states"], help="what the online expert corrects")
     train.add_argument("--temperature", type=float, help="sampling temperature for validation and use")
-    train.add_argument("--threads", type=_positive, default=2)
-    train.add_argument("--output", type=Path, required=True, help="folder for checkpoints, the log and the policy")
+    train.add_argument("--seed", type=int, help="of the weights and of every draw")
+    train.add_argument("--threads", type=_positive, default=2, help="of each process")
+    train.add_argument("--data", type=Path, default=Path("data/20x20-10"), help="data set; made if there is none")
+    train.add_argument("--output", type=Path, help="folder for the run and its policy (default: runs/[name])")
+    train.add_argument("--no-measure", action="store_true", help="do not measure the policy on the standard sets")
 
     bench = commands.add_parser("bench-expert", help="time the expert on the scenario sets")
     bench.set_defaults(execute=_bench_expert)
@@ -88,6 +116,15 @@ def _parser() -> argparse.ArgumentParser:
     bench.add_argument("--large-cases", type=_positive, default=5, metavar="CASES", help="of each large set")
     bench.add_argument("--seed", type=int, default=SET_SEED, help="of the cases")
     bench.add_argument("--time-limit", type=_seconds, default=60.0, metavar="SECONDS", help="of each search")
+
+    bench_training = commands.add_parser(
+        "bench-training", help="observations a second in training, and what takes how long"
+    )
+    bench_training.set_defaults(execute=_bench_training)
+    bench_training.add_argument("--policy", default="MAGAT-F-128", help="name of a policy")
+    bench_training.add_argument("--threads", type=_positive, default=1)
+    bench_training.add_argument("--steps", type=_positive, default=100, help="to be timed")
+    bench_training.add_argument("--cases", type=_positive, default=2_000, help="training cases")
     return parser
 
 
@@ -109,11 +146,9 @@ def _evaluate(options: argparse.Namespace, console: Console) -> int:
     from magat_bringup.evaluation import evaluate_policy, table  # torch takes a second to import
 
     size = {name: getattr(options, name) for name in ("width", "height", "robots", "density")}
-    split = SPLITS[options.split]
-    if options.cases > len(split):
-        raise InvalidCaseError(f"the split {options.split} has {len(split)} cases, not {options.cases}")
+    numbers = _case_numbers(options.split, options.cases)
     folder = find_policy(options.policy)
-    report = evaluate_policy(folder, split[: options.cases], options.seed, options.temperature, size, console)
+    report = evaluate_policy(folder, numbers, options.seed, options.temperature, size, console)
     if options.json:
         print(json.dumps(report))
     else:
@@ -121,20 +156,67 @@ def _evaluate(options: argparse.Namespace, console: Console) -> int:
     return 0
 
 
-def _data(options: argparse.Namespace, console: Console) -> int:
-    from magat_bringup.training import make_data
+def _measure(options: argparse.Namespace, console: Console) -> int:
+    from magat_bringup.measured import STANDARD_SETS, measure, table
+
+    most = options.cases or max(which.cases for which in STANDARD_SETS)
+    sets = [dataclasses.replace(which, cases=min(which.cases, most)) for which in STANDARD_SETS]
+    reports = measure(find_policy(options.policy), sets, console, options.temperature)
+    Console().print(table((options.policy, report["digest"], report) for report in reports))
+    return 0
+
+
+def _models(options: argparse.Namespace, _: Console) -> int:
+    from magat_bringup.models import all_policies, describe, listing
+
+    policies = [describe(name, folder) for name, folder in all_policies().items()]
+    if options.json:
+        print(json.dumps(policies))
+    else:
+        Console().print(listing(policies))
+    return int(any(policy["error"] is not None for policy in policies))
+
+
+def _frontier(options: argparse.Namespace, console: Console) -> int:
+    from magat_bringup.frontier import TEMPERATURES, draw, frontier, table, write_csv
+    from magat_bringup.models import all_policies
 
     size = {name: getattr(options, name) for name in ("width", "height", "robots", "density")}
-    make_data(options.output, options.cases, options.seed, size, console)
+    numbers = _case_numbers("valid", options.cases)
+    policies = {name: find_policy(name) for name in options.policy} if options.policy else all_policies()
+    reports = frontier(policies, options.temperatures or TEMPERATURES, numbers, options.seed, size, console)
+    options.output.mkdir(parents=True, exist_ok=True)
+    write_csv(reports, options.output / "frontier.csv")
+    draw(reports, options.output / "frontier.png")
+    Console().print(table(reports))
+    console.print(f"frontier.csv and frontier.png are in {options.output}")
+    return 0
+
+
+def _make_data(options: argparse.Namespace, console: Console) -> int:
+    from magat_bringup.data import make
+
+    size = {name: getattr(options, name) for name in ("width", "height", "robots", "density")}
+    folder = options.output or Path("data") / f"{options.width}x{options.height}-{options.robots}"
+    make(folder, options.cases, options.seed, size, console)
+    return 0
+
+
+def _show_data(options: argparse.Namespace, _: Console) -> int:
+    from magat_bringup.data import show
+
+    show(options.folder, Console())
     return 0
 
 
 def _train(options: argparse.Namespace, console: Console) -> int:
     from magat_bringup.training import train_policy
 
-    given = {"steps": options.steps, "train_cases": options.cases, "valid_cases": options.valid_cases}
+    given = {name: getattr(options, name) for name in ("steps", "online", "temperature", "seed")}
     changes = {name: value for name, value in given.items() if value is not None}
-    train_policy(options.policy, options.temperature, changes, options.threads, options.output, console)
+    train_policy(
+        options.recipe, changes, options.data, options.output, options.threads, not options.no_measure, console
+    )
     return 0
 
 
@@ -145,6 +227,21 @@ def _bench_expert(options: argparse.Namespace, console: Console) -> int:
     if options.large:
         counts += [(which, options.large_cases) for which in LARGE_SETS]
     Console().print(table(counts, bench_expert(counts, options.seed, options.time_limit, console)))
+    return 0
+
+
+def _case_numbers(split: str, cases: int) -> range:
+    numbers = SPLITS[split]
+    if cases > len(numbers):
+        raise InvalidCaseError(f"the split {split} has {len(numbers)} cases, not {cases}")
+    return numbers[:cases]
+
+
+def _bench_training(options: argparse.Namespace, console: Console) -> int:
+    from magat_bringup.bench_training import bench_training, table
+
+    bench = bench_training(options.policy, options.threads, options.steps, options.cases, console)
+    Console().print(table(bench))
     return 0
 
 

@@ -12,12 +12,13 @@ from rich.table import Table
 
 from magat_robot.policy.policy import Policy
 from magat_robot.policy.store import load, load_network
+from magat_sim.case import InvalidCaseError
 from magat_sim.measures import EpisodeMeasures, summarise
 from magat_training.cases import SolvedCase, solved_cases
 from magat_training.evaluate import evaluate
 
-#: Cases simulated in lockstep.
-BATCH = 100
+#: Robots simulated in lockstep, those of one case at least: more of them take more memory, and no less time each.
+BATCH_ROBOTS = 1000
 
 
 def evaluate_policy(
@@ -40,6 +41,10 @@ def evaluate_policy(
 
     Returns:
         Plain JSON values: what was measured, on what, with 95 % intervals.
+
+    Raises:
+        InvalidCaseError: no such cases can be drawn, or the expert solves none of them.
+        ModelError: the policy cannot be used, or not at this temperature.
     """
     policy = load(folder)
     if temperature is not None:
@@ -47,7 +52,11 @@ def evaluate_policy(
         network.config = dataclasses.replace(network.config, temperature=temperature)
         policy = Policy(network, digest)
     solving = solved_cases(numbers, seed, **size)
-    solved = list(track(solving, "expert", total=len(numbers), console=console, transient=True))
+    # Where nobody watches, each bar would leave an empty line.
+    hidden = not console.is_interactive
+    solved = list(track(solving, "expert", total=len(numbers), console=console, transient=True, disable=hidden))
+    if not solved:
+        raise InvalidCaseError(f"the expert solves none of the {len(numbers)} cases: ask for more, or for easier ones")
     started = time.monotonic()
     episodes = _episodes(policy, solved, seed, console)
     elapsed = time.monotonic() - started
@@ -67,9 +76,10 @@ def evaluate_policy(
 
 def _episodes(policy: Policy, solved: list[SolvedCase], seed: int, console: Console) -> list[EpisodeMeasures]:
     episodes: list[EpisodeMeasures] = []
-    with Progress(console=console, transient=True) as progress:
-        for start in range(0, len(solved), BATCH):
-            batch = solved[start : start + BATCH]
+    size = max(1, BATCH_ROBOTS // solved[0].case.robots)
+    with Progress(console=console, transient=True, disable=not console.is_interactive) as progress:
+        for start in range(0, len(solved), size):
+            batch = solved[start : start + size]
             task = progress.add_task(f"episodes {start + 1} to {start + len(batch)} of {len(solved)}")
             progress.update(task, total=max(case.t_max for case in batch))
             episodes += evaluate(policy, batch, seed, lambda _, task=task: progress.advance(task))  # type: ignore[misc]
@@ -77,11 +87,16 @@ def _episodes(policy: Policy, solved: list[SolvedCase], seed: int, console: Cons
     return episodes
 
 
+def set_name(report: dict[str, Any]) -> str:
+    """What ``report`` was measured on, e.g. 20x20 (10): cells and robots."""
+    return f"{report['width']}x{report['height']} ({report['robots']})"
+
+
 def table(report: dict[str, Any]) -> Table:
     """``report`` for people."""
     title = (
         f"{report['policy']}, T = {report['temperature']:g}, {report['shield']} shield: {report['cases']} cases of "
-        f"{report['width']}x{report['height']} ({report['robots']})"
+        f"{set_name(report)}"
     )
     result = Table(title=title, title_justify="left")
     for heading in ("measure", "value", "95 % interval"):

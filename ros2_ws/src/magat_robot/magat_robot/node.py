@@ -18,7 +18,7 @@ from magat_node.parameters import declare_count, declare_seconds, declare_value
 from magat_node.run import run_node
 from magat_robot.exchange import Exchange
 from magat_robot.policy.config import ModelError
-from magat_robot.policy.network import OBSERVATION_SHAPE
+from magat_robot.policy.extractor import OBSERVATION_SHAPE
 from magat_robot.policy.policy import Encoding
 from magat_robot.policy.store import load
 
@@ -50,7 +50,12 @@ class RobotNode(Node):
         )
         team_size = declare_count(self, "team_size", 32, "robots in the team, for the queues of shared topics", 10_000)
         self._policy = load(Path(folder))
-        self._exchange = Exchange(self._policy.config.features)
+        if self._policy.rounds > 1:
+            raise ModelError(
+                f"{folder} exchanges messages in {self._policy.rounds} rounds a tick, and robot nodes do so in one: "
+                "evaluate it with `magat evaluate`"
+            )
+        self._exchange = Exchange(self._policy.config.message_sizes[0])
         self._nonce = secrets.randbits(64)
         self._peers: dict[int, float] = {}
         self._observation: Observation | None = None
@@ -58,7 +63,7 @@ class RobotNode(Node):
         self._last_observed = -math.inf
         self._compute = 0.0
         self._ticks = self._missing = self._beats = 0
-        sample = Feature(payload=array.array("B", bytes(4 * self._policy.config.features)))
+        sample = Feature(payload=array.array("B", bytes(4 * self._policy.config.message_sizes[0])))
         self._feature_bytes = len(serialize_message(sample))
 
         # Shared topics live in the namespace above the robot's own, so that a whole team can be put in a namespace.
@@ -132,7 +137,7 @@ class RobotNode(Node):
         messages = self._exchange.messages()
         present = np.ones((1, len(messages)), dtype=bool)
         stream = np.array([observation.stream], dtype=np.uint64)
-        decision = self._policy.decide(encoding, messages[None], present, stream, observation.tick)
+        decision = self._policy.decide(self._policy.hear(encoding, messages[None], present), stream, observation.tick)
         answer = Preference(episode=observation.episode, tick=observation.tick, tag=observation.own_tag)
         answer.log_probabilities = decision.log_probabilities[0]
         answer.primitive = int(decision.primitives[0])

@@ -1,22 +1,26 @@
 """Scenario sets: which cases are trained on, validated on, tested on, and the expert's solutions of them."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from magat_expert import SolveStatus, solve_many
-from magat_sim.case import Case, draw_case
+from magat_sim.case import Case, InvalidCaseError, draw_case
 from magat_sim.grid import IntArray
 from magat_sim.measures import T_MAX_FACTOR, Flowtime, expert_flowtime
 
-#: Seed of the 30,000 cases that policies are trained, validated and tested on: 20x20 cells, 10 robots.
+#: Seed and size of the 30,000 cases that policies are trained, validated and tested on.
 SET_SEED = 2021
+SET_SIZE: Mapping[str, float] = {"width": 20, "height": 20, "robots": 10, "density": 0.1}
 #: Numbers of the cases of each split (70 / 15 / 15 %); no case is in two of them.
 SPLITS = {"train": range(21_000), "valid": range(21_000, 25_500), "test": range(25_500, 30_000)}
 #: The expert's suboptimality bound, and its limit in high-level expansions: unlike a time limit, it ends every search
 #: at the same point, so that every machine solves the same cases.
 EXPERT_W = 1.1
 EXPERT_NODE_LIMIT = 20_000
+#: Of drawing and solving. Raise it with every change after which a seed gives other cases or other paths: data sets
+#: (`magat_training.data`) made before are then refused rather than mixed with new ones.
+GENERATOR_VERSION = 1
 
 
 @dataclass(frozen=True)
@@ -38,6 +42,22 @@ class SolvedCase:
     def t_max(self) -> int:
         """Steps that a team gets for this case."""
         return T_MAX_FACTOR * (len(self.paths) - 1)
+
+
+def first_cases(count: int) -> dict[str, range]:
+    """Numbers of ``count`` of the 30,000 cases, 70 / 15 / 15 %.
+
+    They are the first of each split: a case is in the same split of every data set.
+
+    Raises:
+        InvalidCaseError: fewer than 3 cases, which leave a split empty, or more than there are.
+    """
+    most = sum(map(len, SPLITS.values()))
+    if not 3 <= count <= most:
+        raise InvalidCaseError(f"{count} cases cannot be split in three: ask for 3 to {most}")
+    held_out = -(-count * 15 // 100)  # rounded up: the training split is the one that can spare a case
+    counts = {"train": count - 2 * held_out, "valid": held_out, "test": held_out}
+    return {split: SPLITS[split][: counts[split]] for split in SPLITS}
 
 
 def solved_cases(numbers: Sequence[int], seed: int = SET_SEED, workers: int = 2, **size: float) -> Iterator[SolvedCase]:

@@ -1,45 +1,96 @@
-"""The online expert: what to do where the policy itself got stuck (MAGAT paper, Sec. V-D)."""
+"""The online expert: what to do where the policy itself leads (MAGAT paper, Sec. V-D; Ross et al., DAgger, 2011)."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from magat_expert import SolveStatus, solve_many
 from magat_robot.policy.policy import Policy
 from magat_sim.case import Case
-from magat_training.cases import EXPERT_NODE_LIMIT, EXPERT_W, SolvedCase
+from magat_sim.grid import IntArray
+from magat_sim.measures import EpisodeMeasures
+from magat_training.cases import EXPERT_W, SolvedCase
 from magat_training.evaluate import run_policy, simulator_for
+from magat_training.samples import Instants
+
+#: Limit of a search, in high-level expansions. Lower than that of the cases: a policy that knows nothing yet brings
+#: teams into states that cost the expert a minute, and there are plenty of others to learn from.
+NODE_LIMIT = 1_000
 
 
-def stuck_cases(policy: Policy, solved: Sequence[SolvedCase], seed: int) -> list[SolvedCase]:
-    """Cases that begin where ``policy`` failed.
+@dataclass(frozen=True)
+class Lesson:
+    """What the expert had to say about a round of episodes."""
+
+    #: None if it had nothing to say.
+    instants: Instants | None
+    #: The policy's own measures in these episodes.
+    episodes: list[EpisodeMeasures]
+
+
+def correct_failures(policy: Policy, solved: Sequence[SolvedCase], chosen: Sequence[int], seed: int) -> Lesson:
+    """The paper's online expert: each failed episode is cut at its last state and solved from there.
 
     Args:
-        policy: runs one episode on each case.
+        policy: runs one episode on each chosen case.
         solved: the cases.
+        chosen: indices into ``solved``; those of the instants, too.
         seed: of the episodes' random streams.
-
-    Returns:
-        For each episode in which not all robots reached their goals: its last state as a case, not yet solved, with an
-        empty path; see `solve`.
     """
-    simulator = simulator_for(solved, seed)
+    simulator = simulator_for([solved[i] for i in chosen], seed)
     run_policy(policy, simulator)
-    stuck = []
-    for world, origin in enumerate(solved):
-        here = simulator.world == world
-        if not simulator.visited[here].all():
-            case = Case(origin.case.obstacles, simulator.position[here].copy(), origin.case.goals)
-            stuck.append(SolvedCase(origin.number, case, np.zeros((0, case.robots, 2), dtype=np.int64)))
-    return stuck
+    episodes = simulator.measures([solved[i].flowtime for i in chosen])
+    failed = [place for place, episode in enumerate(episodes) if not episode.success]
+    cases = [chosen[place] for place in failed]
+    paths = _paths(solved, cases, [simulator.position[simulator.world == place] for place in failed])
+    kept = [(path, case) for path, case in zip(paths, cases, strict=True) if path is not None]
+    instants = Instants.of_paths(*zip(*kept, strict=True)) if kept else None
+    return Lesson(instants, episodes)
 
 
-def solve(stuck: Sequence[SolvedCase]) -> list[SolvedCase]:
-    """``stuck`` with the expert's paths; without those that it gives up."""
-    solutions = solve_many((s.case for s in stuck), w=EXPERT_W, time_limit=math.inf, node_limit=EXPERT_NODE_LIMIT)
-    return [
-        SolvedCase(origin.number, origin.case, solution.paths)
-        for origin, solution in zip(stuck, solutions, strict=True)
-        if solution.status is SolveStatus.SOLVED and solution.paths is not None
-    ]
+def correct_states(policy: Policy, solved: Sequence[SolvedCase], chosen: Sequence[int], seed: int) -> Lesson:
+    """The expert's next step from every state that the policy comes through, solved anew from each.
+
+    A solution from the middle of an episode takes a fraction of a millisecond, so nothing needs to be guessed from
+    failures. Arguments as for `correct_failures`.
+    """
+    simulator = simulator_for([solved[i] for i in chosen], seed)
+    positions, places = [], []
+
+    def note() -> None:
+        running = np.unique(simulator.world[simulator.active])
+        places.append(running)
+        positions.append(simulator.position.reshape(len(chosen), -1, 2)[running])
+
+    note()
+    run_policy(policy, simulator, lambda _: note())
+    now = np.concatenate(positions)
+    cases = [chosen[place] for place in np.concatenate(places)]
+    paths = _paths(solved, cases, list(now))
+    kept = np.flatnonzero([path is not None for path in paths])
+    after = [path[min(1, len(path) - 1)] for path in paths if path is not None]
+    instants = None
+    if len(kept):
+        instants = Instants(
+            np.asarray(cases, dtype=np.int32)[kept], now[kept].astype(np.int16), np.stack(after).astype(np.int16)
+        )
+    return Lesson(instants, simulator.measures([solved[i].flowtime for i in chosen]))
+
+
+#: Ways to ask the expert while training, by name.
+CORRECTIONS: dict[str, Callable[[Policy, Sequence[SolvedCase], Sequence[int], int], Lesson]] = {
+    "failures": correct_failures,
+    "states": correct_states,
+}
+
+
+def _paths(solved: Sequence[SolvedCase], cases: Sequence[int], starts: Sequence[IntArray]) -> list[IntArray | None]:
+    """The expert's paths on ``cases`` from ``starts`` (each ``[N, 2]``); None where it gives up."""
+    asked = (
+        Case(solved[case].case.obstacles, start, solved[case].case.goals)
+        for case, start in zip(cases, starts, strict=True)
+    )
+    solutions = solve_many(asked, w=EXPERT_W, time_limit=math.inf, node_limit=NODE_LIMIT)
+    return [solution.paths if solution.status is SolveStatus.SOLVED else None for solution in solutions]

@@ -1,4 +1,4 @@
-"""Training samples: instants of the expert's solutions, seen by all robots at once, turned by a random symmetry."""
+"""Training samples: instants as all robots see them, and what the expert does next; turned by a random symmetry."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,6 +14,42 @@ from magat_training.cases import SolvedCase
 
 
 @dataclass(frozen=True)
+class Instants:
+    """S instants on cases of one size, teams of N robots: positions only."""
+
+    #: ``[S]`` index of the case.
+    case: npt.NDArray[np.int32]
+    #: ``[S, N, 2]`` cells of the robots, and their cells a step later if they follow the expert.
+    now: npt.NDArray[np.int16]
+    next: npt.NDArray[np.int16]
+
+    def __len__(self) -> int:
+        """S."""
+        return len(self.case)
+
+    @classmethod
+    def of_paths(cls, paths: Sequence[IntArray], cases: Sequence[int]) -> "Instants":
+        """All instants of ``paths``, each ``[T + 1, N, 2]``, on ``cases``; there is at least one.
+
+        The last instant, all robots resting on their goals, is one too: it repeats as its own successor.
+        """
+        return cls(
+            np.repeat(np.asarray(cases, dtype=np.int32), [len(path) for path in paths]),
+            np.concatenate(paths).astype(np.int16),
+            np.concatenate([np.concatenate([path[1:], path[-1:]]) for path in paths]).astype(np.int16),
+        )
+
+    def take(self, index: IntArray) -> "Instants":
+        """Those at ``index``."""
+        return Instants(self.case[index], self.now[index], self.next[index])
+
+    @classmethod
+    def join(cls, parts: Sequence["Instants"]) -> "Instants":
+        """The instants of all ``parts``; there is at least one part."""
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("case", "now", "next")))
+
+
+@dataclass(frozen=True)
 class Batch:
     """B instants of N robots each, R = B * N rows."""
 
@@ -24,26 +60,15 @@ class Batch:
     #: ``[R]`` the expert's primitives.
     action: IntArray
 
-    def join(self, other: "Batch") -> "Batch":
-        """The rows of this batch, then those of ``other``."""
-        width = max(self.heard.shape[1], other.heard.shape[1])
-        later = np.where(other.heard >= 0, other.heard + len(self.action), -1)
-        heard = [np.pad(h, ((0, 0), (0, width - h.shape[1])), constant_values=-1) for h in (self.heard, later)]
-        return Batch(
-            np.concatenate([self.view, other.view]),
-            np.concatenate(heard),
-            np.concatenate([self.action, other.action]),
-        )
 
+class Sampler:
+    """Makes batches of instants on cases of maps of one size and teams of one size.
 
-class Samples:
-    """All instants of the expert's solutions of maps of one size and teams of one size.
-
-    Kept as positions; observations are rebuilt for each batch by the same functions that the simulator uses.
+    Observations are rebuilt for each batch, by the same functions that the simulator uses.
     """
 
     def __init__(self, solved: Sequence[SolvedCase]) -> None:
-        """Index the instants of ``solved``.
+        """Prepare the maps and goals of ``solved``, whose places in it are the indices of cases.
 
         Raises:
             ValueError: nothing to learn from.
@@ -52,31 +77,20 @@ class Samples:
             raise ValueError("no solved case: there is nothing to learn from")
         self._obstacles = pad(np.stack([s.case.obstacles for s in solved]), 1)
         self._goals = np.stack([s.case.goals for s in solved])
-        # The last instant, all robots resting on their goals, is a sample too: it repeats as its own successor.
-        self._now = np.concatenate([s.paths for s in solved]).astype(np.int16)
-        self._next = np.concatenate([np.concatenate([s.paths[1:], s.paths[-1:]]) for s in solved]).astype(np.int16)
-        self._case = np.repeat(np.arange(len(solved)), [len(s.paths) for s in solved])
 
-    def __len__(self) -> int:
-        """Number of instants."""
-        return len(self._case)
-
-    def batch(self, rng: np.random.Generator, size: int) -> Batch:
-        """``size`` instants drawn uniformly with ``rng``, each turned by a symmetry of its own."""
-        index = rng.integers(len(self), size=size)
-        turns = rng.integers(len(symmetry.SYMMETRIES), size=size)
-        index, turns = index[np.argsort(turns, kind="stable")], np.sort(turns)
-        now, case = self._now[index].astype(np.int64), self._case[index]
-        robots = now.shape[1]
+    def batch(self, rng: np.random.Generator, shares: Sequence[tuple[Instants, int]]) -> Batch:
+        """Of each ``(instants, count)``, ``count`` drawn uniformly with ``rng``, each turned by some symmetry."""
+        drawn = Instants.join([instants.take(rng.integers(len(instants), size=count)) for instants, count in shares])
+        turns = rng.integers(len(symmetry.SYMMETRIES), size=len(drawn))
+        size, robots = drawn.now.shape[:2]
         world = np.repeat(np.arange(size), robots)
-        position = now.reshape(-1, 2)
-        goal = self._goals[case].reshape(-1, 2)
-        obstacles = self._obstacles[case]
+        position = drawn.now.reshape(-1, 2).astype(np.int64)
+        goal = self._goals[drawn.case].reshape(-1, 2)
+        obstacles = self._obstacles[drawn.case]
         occupied = np.zeros_like(obstacles)
-
         occupied[world, position[:, 1] + RADIUS, position[:, 0] + RADIUS] = 1
         view = field_of_view(obstacles, occupied, world, position, goal)
-        action = primitives_between(position, self._next[index].reshape(-1, 2))
+        action = primitives_between(position, drawn.next.reshape(-1, 2).astype(np.int64))
         for turn in np.unique(turns):
             rows = np.repeat(turns == turn, robots)
             view[rows] = symmetry.turn_arrays(view[rows], int(turn))

@@ -1,5 +1,6 @@
 """Imitation of the expert: the training loop, resumable to the bit."""
 
+import copy
 import dataclasses
 import json
 import math
@@ -11,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from tensorboardX import SummaryWriter
 from torch.nn.functional import cross_entropy
 
 from magat_robot.policy.config import PolicyConfig
@@ -19,20 +21,25 @@ from magat_robot.policy.policy import Policy
 from magat_sim.measures import summarise
 from magat_training.cases import SolvedCase
 from magat_training.evaluate import evaluate
-from magat_training.online import solve, stuck_cases
-from magat_training.samples import Samples
+from magat_training.online import CORRECTIONS
+from magat_training.samples import Batch, Instants, Sampler
+from magat_training.workers import ALONE, Workers
 
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """How a policy is trained. The paper's values where the paper gives one."""
+    """How a policy is trained. The paper's values where the paper gives one.
 
-    policy: PolicyConfig = field(default_factory=lambda: PolicyConfig(temperature=1.5))
+    Raises:
+        ValueError: an unknown way to ask the online expert.
+    """
+
+    policy: PolicyConfig = field(default_factory=lambda: PolicyConfig(temperature=0.75))
     #: Training cases (numbers from 0) and validation cases.
     train_cases: int = 21_000
     valid_cases: int = 300
     #: Optimiser steps, each on ``batch`` instants.
-    steps: int = 12_000
+    steps: int = 24_000
     batch: int = 64
     #: Learning rate, cosine from first to last.
     first_rate: float = 1e-3
@@ -41,17 +48,28 @@ class TrainConfig:
     weight_decay: float = 1e-5
     #: Steps between validations (simulated episodes) and checkpoints.
     validate_every: int = 1_000
-    #: From the step ``online_from`` on, every ``online_every`` steps, the online expert looks at ``online_cases``
-    #: training episodes; ``online_share`` of each batch then comes from what it added.
-    online_from: int = 2_000
-    online_every: int = 1_000
-    online_cases: int = 600
-    online_share: float = 0.25
+    #: The online expert: it corrects every state that the policy comes through ("states"), or, as in the paper, only
+    #: the last states of failed episodes ("failures"), or there is none ("off").
+    online: str = "states"
+    #: From the step ``online_from`` on, every ``online_every`` steps, it looks at ``online_cases`` training episodes;
+    #: ``online_share`` of each batch then comes from what it said in the last ``online_rounds`` of these.
+    online_from: int = 1_000
+    online_every: int = 400
+    online_cases: int = 500
+    online_share: float = 0.75
+    online_rounds: int = 8
     seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.online not in ("off", *CORRECTIONS):
+            raise ValueError(f"unknown online expert {self.online!r}: it is one of {['off', *CORRECTIONS]}")
 
 
 class Trainer:
-    """One training run in a folder: its checkpoint, its best weights, its log (a JSON object a line)."""
+    """One training run in a folder: its checkpoint, its best weights, its log.
+
+    The log is there twice: ``log.jsonl``, a JSON object a validation, and TensorBoard's events in ``tensorboard/``.
+    """
 
     def __init__(
         self,
@@ -59,20 +77,36 @@ class Trainer:
         folder: Path,
         train: list[SolvedCase],
         valid: list[SolvedCase],
+        workers: Workers = ALONE,
     ) -> None:
-        """Start a run in ``folder``, or resume the one that is there."""
+        """Start a run in ``folder``, or resume the one that is there.
+
+        Raises:
+            ValueError: no cases; the run in ``folder`` has another configuration; a batch that cannot be shared,
+                or too few cases for the online expert.
+        """
+        if config.batch % workers.count:
+            raise ValueError(f"a batch of {config.batch} instants cannot be shared by {workers.count} processes")
         self.config = config
         self.folder = folder
         self.step = 0
         self.best = -math.inf
         self.seconds = 0.0
+        #: Seconds of each part of the training so far, by name; of this process, since it started.
+        self.spent: dict[str, float] = {}
+        self._workers = workers
         self._train = train
-        self._samples = Samples(train)
-        self._stuck: list[SolvedCase] = []
-        self._online: Samples | None = None
         self._valid = valid
+        self._sampler = Sampler(train)
+        if config.online != "off" and min(config.online_cases, len(train)) < workers.count:
+            raise ValueError(f"fewer than {workers.count} cases for the online expert, one for each process: add some")
+        self._expert = Instants.of_paths([s.paths for s in train], range(len(train)))
+        self._lessons: list[Instants] = []
+        self._online: Instants | None = None
+        self._online_alpha = math.nan
         torch.manual_seed(config.seed)
-        self.network = PolicyNetwork(config.policy).to(memory_format=torch.channels_last)
+        self.network = PolicyNetwork(config.policy)
+        self._model = workers.wrap(self.network)
         self._optimiser = torch.optim.Adam(
             self.network.parameters(), config.first_rate, weight_decay=config.weight_decay
         )
@@ -93,15 +127,19 @@ class Trainer:
         losses: list[float] = []
         while self.step < self.config.steps:
             started = time.monotonic()
-            if self.step >= self.config.online_from and self.step % self.config.online_every == 0:
-                self._ask_online_expert()
-            losses.append(self._train_step())
+            if self._asks_online():
+                with self._timed("online expert"):
+                    self._ask_online_expert()
+            losses.append(self.train_step())
             self.step += 1
             self.seconds += time.monotonic() - started
             if on_step is not None:
                 on_step(self.step, losses[-1])
             if self.step % self.config.validate_every == 0 or self.step == self.config.steps:
-                self._validate(float(np.mean(losses)))
+                if self._workers.first:
+                    with self._timed("validation"):
+                        self._validate(float(np.mean(losses)))
+                self._workers.wait()
                 losses.clear()
 
     def best_network(self) -> PolicyNetwork:
@@ -110,57 +148,102 @@ class Trainer:
         network.load_state_dict(torch.load(self.folder / "best.pt", weights_only=True))
         return network
 
-    def _train_step(self) -> float:
-        config = self.config
-        # Each step draws from a stream of its own, so that a resumed run goes on as if nothing had happened.
-        rng = np.random.default_rng([config.seed, self.step])
-        online = round(config.batch * config.online_share) if self._online is not None else 0
-        batch = self._samples.batch(rng, config.batch - online)
-        if self._online is not None and online:
-            batch = batch.join(self._online.batch(rng, online))
-        share = 0.5 * (1 + math.cos(math.pi * self.step / config.steps))
+    def train_step(self) -> float:
+        """One step of the optimiser, not yet counted; returns the loss."""
+        config, device = self.config, self._workers.device
+        with self._timed("sampling"):
+            batch = self._draw()
+            view = torch.from_numpy(batch.view).to(device).float().contiguous(memory_format=torch.channels_last)
+            heard, action = (torch.from_numpy(rows).to(device) for rows in (batch.heard, batch.action))
+        done = 0.5 * (1 + math.cos(math.pi * self.step / config.steps))
         for group in self._optimiser.param_groups:
-            group["lr"] = config.last_rate + (config.first_rate - config.last_rate) * share
+            group["lr"] = config.last_rate + (config.first_rate - config.last_rate) * done
         self.network.train()
-        view = torch.from_numpy(batch.view).float().contiguous(memory_format=torch.channels_last)
-        loss = cross_entropy(self.network(view, torch.from_numpy(batch.heard)), torch.from_numpy(batch.action))
-        self._optimiser.zero_grad()
-        loss.backward()
-        self._optimiser.step()
+        with self._timed("forward"):
+            loss = cross_entropy(self._model(view, heard), action)
+        with self._timed("backward"):
+            self._optimiser.zero_grad()
+            loss.backward()
+        with self._timed("optimiser"):
+            self._optimiser.step()
         return loss.item()
 
-    def _ask_online_expert(self) -> None:
-        """Append cases that begin where the current policy got stuck on training cases."""
-        rng = np.random.default_rng([self.config.seed, self.step, 1])
-        chosen = rng.choice(len(self._train), min(self.config.online_cases, len(self._train)), replace=False)
-        self._append_online(stuck_cases(Policy(self.network), [self._train[i] for i in chosen], seed=self.step))
+    def _draw(self) -> Batch:
+        # Each step draws from a stream of its own, so that a resumed run goes on as if nothing had happened.
+        rng = np.random.default_rng([self.config.seed, self.step, self._workers.rank])
+        size = self.config.batch // self._workers.count
+        if self._online is None:
+            return self._sampler.batch(rng, [(self._expert, size)])
+        online = round(size * self.config.online_share)
+        return self._sampler.batch(rng, [(self._expert, size - online), (self._online, online)])
 
-    def _append_online(self, stuck: list[SolvedCase]) -> None:
-        self._stuck += stuck
-        solved = solve(self._stuck)
-        if solved:
-            self._online = Samples(solved)
+    def _asks_online(self) -> bool:
+        config = self.config
+        return config.online != "off" and self.step >= config.online_from and self.step % config.online_every == 0
+
+    def _ask_online_expert(self) -> None:
+        """Let the current policy run training cases, each process some of them, and hear what the expert says."""
+        # One stream more than any process has for its batches.
+        rng = np.random.default_rng([self.config.seed, self.step, self._workers.count])
+        chosen = rng.choice(len(self._train), min(self.config.online_cases, len(self._train)), replace=False)
+        mine = self._workers.share(chosen.tolist())
+        self._workers.share_statistics(self.network)  # one policy, and the one that the checkpoint holds
+        lesson = CORRECTIONS[self.config.online](self._policy(), self._train, mine, self.step)
+        lessons = self._workers.everyones(lesson)
+        self._online_alpha = summarise([episode for lesson in lessons for episode in lesson.episodes]).alpha
+        self._lessons += [lesson.instants for lesson in lessons if lesson.instants is not None]
+        if self.config.online == "states":  # the policy has outgrown older ones; failures are few, and all kept
+            self._lessons = self._lessons[-self.config.online_rounds * self._workers.count :]
+        self._online = Instants.join(self._lessons) if self._lessons else None
+
+    def _policy(self) -> Policy:
+        """The policy as robots would carry it now. They compute on the processor."""
+        network = self.network
+        return Policy(network if self._workers.device.type == "cpu" else copy.deepcopy(network).cpu())
 
     def _validate(self, loss: float) -> None:
-        measures = summarise(evaluate(Policy(self.network), self._valid))
+        measures = summarise(evaluate(self._policy(), self._valid))
         reached = score(measures.alpha, measures.delta_ft)
         if reached > self.best:
             self.best = reached
-            torch.save(self.network.state_dict(), self.folder / "best.pt")
-        record = {"step": self.step, "loss": loss, "seconds": self.seconds, "online_cases": len(self._stuck)}
+            torch.save(self._weights(), self.folder / "best.pt")
+        record = {
+            "step": self.step,
+            "loss": loss,
+            "seconds": self.seconds,
+            "online_instants": 0 if self._online is None else len(self._online),
+            "online_alpha": None if math.isnan(self._online_alpha) else self._online_alpha,
+        }
         record |= dataclasses.asdict(measures)
         with self._log.open("a") as log:
             log.write(json.dumps(record) + "\n")
+        shown = {"rate": self._optimiser.param_groups[0]["lr"]}
+        for name in ("loss", "seconds", "online_alpha", "alpha", "delta_ft", "p_rg", "moves_blocked"):
+            if record[name] is not None:
+                shown[name] = record[name]
+        # A file each time: only one that is closed surely holds its events, which no later run would write again.
+        with SummaryWriter(
+            str(self.folder / "tensorboard"), purge_step=self.step, filename_suffix=f".{self.step:08d}"
+        ) as board:
+            for name, value in shown.items():
+                board.add_scalar(name, value, self.step)
         self._save()
+
+    def _weights(self) -> dict[str, torch.Tensor]:
+        return {name: tensor.cpu() for name, tensor in self.network.state_dict().items()}
 
     def _save(self) -> None:
         state = {
             "config": dataclasses.asdict(self.config),
+            "workers": self._workers.count,
             "step": self.step,
             "best": self.best,
             "seconds": self.seconds,
-            "stuck": [(s.number, torch.from_numpy(s.case.starts)) for s in self._stuck],
-            "network": self.network.state_dict(),
+            "online_alpha": self._online_alpha,
+            "lessons": [
+                {name: torch.from_numpy(array) for name, array in vars(lesson).items()} for lesson in self._lessons
+            ],
+            "network": self._weights(),
             "optimiser": self._optimiser.state_dict(),
         }
         draft = self._checkpoint.with_suffix(".draft")
@@ -171,23 +254,44 @@ class Trainer:
         state: dict[str, Any] = torch.load(self._checkpoint, weights_only=True)
         if state["config"] != dataclasses.asdict(self.config):
             raise ValueError(f"{self._checkpoint} is of a run with another configuration: choose another folder")
+        if state["workers"] != self._workers.count:
+            raise ValueError(
+                f"{self._checkpoint} is of a run of {state['workers']} processes, not {self._workers.count}: "
+                "start as many"
+            )
         self.step, self.best, self.seconds = state["step"], state["best"], state["seconds"]
-        if self._log.exists():  # a run killed between log and checkpoint validates that step again
-            lines = [line for line in self._log.read_text().splitlines() if json.loads(line)["step"] <= self.step]
-            self._log.write_text("".join(f"{line}\n" for line in lines))
-        # The expert is deterministic: kept are the states in which it was asked, not its answers.
-        by_number = {s.number: s.case for s in self._train}
-        nowhere = np.zeros((0, 0, 2), dtype=np.int64)
-        self._append_online(
-            [
-                SolvedCase(number, dataclasses.replace(by_number[number], starts=starts.numpy()), nowhere)
-                for number, starts in state["stuck"]
-            ]
-        )
+        if self._workers.first and self._log.exists():
+            # One killed between log and checkpoint validates that step again; if it was while writing, a line is torn.
+            lines = self._log.read_text().splitlines(keepends=True)
+            kept = [line for line in lines if line.endswith("\n") and json.loads(line)["step"] <= self.step]
+            draft = self._log.with_suffix(".draft")
+            draft.write_text("".join(kept))
+            draft.replace(self._log)
+        self._online_alpha = state["online_alpha"]
+        self._lessons = [
+            Instants(**{name: tensor.numpy() for name, tensor in lesson.items()}) for lesson in state["lessons"]
+        ]
+        self._online = Instants.join(self._lessons) if self._lessons else None
         self.network.load_state_dict(state["network"])
         self._optimiser.load_state_dict(state["optimiser"])
 
+    def _timed(self, part: str) -> "_Timer":
+        return _Timer(self.spent, part)
+
+
+class _Timer:
+    """Adds the seconds of a with block to ``spent[part]``."""
+
+    def __init__(self, spent: dict[str, float], part: str) -> None:
+        self._spent, self._part = spent, part
+
+    def __enter__(self) -> None:
+        self._started = time.monotonic()
+
+    def __exit__(self, *_: object) -> None:
+        self._spent[self._part] = self._spent.get(self._part, 0.0) + time.monotonic() - self._started
+
 
 def score(alpha: float, delta_ft: float) -> float:
-    """What the best checkpoint has most of: success, and among equals the shorter flowtime."""
-    return alpha - 0.1 * delta_ft
+    """What the best checkpoint has most of: a point of success is worth a point of flowtime."""
+    return alpha - delta_ft

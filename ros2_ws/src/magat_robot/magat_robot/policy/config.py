@@ -4,10 +4,13 @@ import re
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-_NAME = re.compile(r"MAGAT-(?P<type>[FB])-(?P<features>\d+)(-P(?P<heads>\d+))?")
+_NAME = re.compile(
+    r"(?P<layer>MAGAT|GNN_baseline|GNN|GAT)-(?P<type>[FB])-(?P<features>[0-9]{1,9})(-P(?P<heads>[0-9]{1,9}))?"
+)
 
-#: No layer is wider; a damaged configuration must not claim all memory.
+#: No layer is wider, and there are no more rounds; a damaged configuration must not claim all memory.
 MAX_SIZE = 4096
+MAX_ROUNDS = 16
 
 
 class ModelError(ValueError):
@@ -22,23 +25,61 @@ class PolicyConfig:
         ModelError: a value is out of range.
     """
 
-    #: The paper's name, ``MAGAT-[F|B]-[Num_features]`` and ``-P[heads]`` for more than one head.
+    #: The paper's name, ``[MAGAT|GNN|GAT|GNN_baseline]-[F|B]-[Num_features]``, ``-P[heads]`` for more than one head.
     name: str = "MAGAT-F-128"
-    #: Channels of the three residual blocks.
+    #: Channels of the CNN's three blocks.
     channels: tuple[int, int, int] = (32, 64, 128)
     #: Width of the action MLP's hidden layer.
     hidden: int = 128
+    #: Taps K of a graph layer: what K - 1 hops bring. 1 is a team that does not talk.
+    taps: int = 2
+    #: Graph layers L.
+    layers: int = 1
+    #: GNN only: S is the adjacency divided by the receiver's degree; otherwise the bare adjacency.
+    normalise: bool = True
     #: Sampling temperature T: actions are drawn from softmax(logits / T).
     temperature: float = 1.0
 
     def __post_init__(self) -> None:
         if not _NAME.fullmatch(self.name):
-            raise ModelError(f"unknown policy name {self.name!r}: use e.g. MAGAT-F-128, MAGAT-B-32 or MAGAT-B-32-P4")
+            raise ModelError(f"unknown policy name {self.name!r}: use e.g. MAGAT-F-128, GNN-F-64 or MAGAT-B-32-P4")
         sizes = [*self.channels, self.hidden, self.features, self.heads, self.features * self.heads]
         if len(self.channels) != 3 or not all(1 <= size <= MAX_SIZE for size in sizes):
             raise ModelError(f"there are three channels, and sizes lie within 1 and {MAX_SIZE}: {self}")
+        if self.taps < 1 or self.layers < 1 or self.layers * (self.taps - 1) > MAX_ROUNDS or self.layers > MAX_ROUNDS:
+            raise ModelError(
+                f"{self.layers} layers of {self.taps} taps: both are at least 1, and layers, as well as the rounds "
+                f"layers * (taps - 1), at most {MAX_ROUNDS}"
+            )
+        if max(self.message_sizes) > MAX_SIZE:
+            raise ModelError(f"messages of {max(self.message_sizes)} numbers: the limit is {MAX_SIZE}")
         if not 0.01 <= self.temperature <= 100:
             raise ModelError(f"temperature {self.temperature} is not within 0.01 and 100")
+
+    @property
+    def layer(self) -> str:
+        """How messages are weighed: MAGAT, GAT or GNN."""
+        return "GNN" if self.plain else str(self._part("layer"))
+
+    @property
+    def plain(self) -> bool:
+        """GNN_baseline: the CNN is a plain stack, without residual blocks."""
+        return self._part("layer") == "GNN_baseline"
+
+    @property
+    def message_sizes(self) -> tuple[int, ...]:
+        """How many numbers a robot sends in each round of a tick.
+
+        There are L (K - 1) rounds. From the second hop on, what came over the hops before travels on, head by head, and
+        with attention the sender's own x again: the receiver weighs each message by its contents alone. Robots that do
+        not talk (K = 1) have one round of empty messages.
+        """
+        sizes = []
+        for layer in range(self.layers):
+            inputs = self.features if layer == 0 else self.features * self.heads
+            further = inputs if self.layer == "GNN" else inputs * (1 + self.heads)
+            sizes += [inputs, *[further] * (self.taps - 2)] if self.taps > 1 else []
+        return tuple(sizes) or (0,)
 
     @property
     def bottleneck(self) -> bool:
@@ -57,7 +98,7 @@ class PolicyConfig:
 
     def to_json(self) -> dict[str, Any]:
         """The configuration as plain JSON values."""
-        return asdict(self)
+        return asdict(self) | {"channels": list(self.channels)}
 
     @classmethod
     def from_json(cls, values: Any) -> "PolicyConfig":
@@ -69,11 +110,15 @@ class PolicyConfig:
         known = {field.name for field in fields(cls)}
         if not isinstance(values, dict) or set(values) != known:
             raise ModelError(f"a policy configuration has exactly the keys {sorted(known)}; this one: {values}")
-        name, channels, hidden = values["name"], values["channels"], values["hidden"]
-        whole = isinstance(channels, list) and all(type(size) is int for size in [*channels, hidden])
-        if not (isinstance(name, str) and whole and type(values["temperature"]) in (int, float)):
-            raise ModelError(f"unusable policy configuration {values}: sizes are whole numbers, the name is a text")
-        return cls(name, tuple(channels), hidden, float(values["temperature"]))
+        channels, sizes = values["channels"], [values[size] for size in ("hidden", "taps", "layers")]
+        whole = isinstance(channels, list) and all(type(size) is int for size in [*channels, *sizes])
+        right = isinstance(values["name"], str) and type(values["normalise"]) is bool
+        if not (whole and right and type(values["temperature"]) in (int, float)):
+            raise ModelError(
+                f"unusable policy configuration {values}: sizes are whole numbers, the name is a text, normalise is "
+                "true or false"
+            )
+        return cls(**values | {"channels": tuple(channels)})
 
     def _part(self, group: str) -> str | None:
         match = _NAME.fullmatch(self.name)

@@ -1,165 +1,93 @@
-"""The network of a policy: CNN, feature reduction, graph attention, action MLP (MAGAT paper, Sec. IV and V-C).
+"""The network of a policy: CNN, feature reduction, graph layers, action MLP (MAGAT paper, Sec. IV and V-C).
 
 One definition, two ways to compute: as built it is trained in float32; `deploy` turns a copy of it into the fixed-point
 form that robots and simulators run (see `fixed_point`).
 """
 
 import copy
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor, nn
-from torch.nn.utils import fuse_conv_bn_eval
 
 from magat_robot.policy import fixed_point as fp
 from magat_robot.policy.config import PolicyConfig
+from magat_robot.policy.extractor import CNN_FEATURES, ConvNorm, FeatureExtractor, Sum
+from magat_robot.policy.graph import GraphLayer, graph_layer
 
-#: Shape of an observation: obstacles, robots, goal; the 9 x 9 field of view and the ring around it.
-OBSERVATION_SHAPE = (3, 11, 11)
-#: Features extracted by the CNN, before their reduction to Num_features.
-CNN_FEATURES = 128
 #: idle, up, down, left, right.
 PRIMITIVES = 5
-#: Slope of the LeakyReLU in Eq. 6 (the value of the GAT paper).
-LEAKY_SLOPE = 0.2
 
 
-class _Exactable(nn.Module):
-    """A module that computes on the grids of `fixed_point` once it is deployed."""
+@dataclass(frozen=True)
+class Thought:
+    """What R robots have made of a tick so far, between rounds of messages."""
 
-    exact = False
-
-
-class ConvNorm(nn.Module):
-    """Convolution, then batch normalisation; the latter is folded into the former on deployment."""
-
-    def __init__(self, inputs: int, outputs: int, kernel: int, stride: int) -> None:
-        super().__init__()
-        self.conv = nn.Conv2d(inputs, outputs, kernel, stride, padding=kernel // 2, bias=False)
-        self.norm: nn.Module = nn.BatchNorm2d(outputs)
-
-    def forward(self, x: Tensor) -> Tensor:
-        """``[R, inputs, H, W]`` to ``[R, outputs, H', W']``."""
-        return self.norm(self.conv(x))
-
-    def fold(self) -> None:
-        """Fold the normalisation, with its running statistics, into the convolution."""
-        assert isinstance(self.norm, nn.BatchNorm2d)
-        self.conv = fuse_conv_bn_eval(self.conv.eval(), self.norm.eval())
-        self.norm = nn.Identity()
+    #: ``[R, 128]`` the CNN's features; never sent.
+    features: Tensor
+    #: Rounds of messages heard.
+    rounds: int
+    #: ``[R, F]`` what the current graph layer works on; after the last one, what all of them made of it.
+    x: Tensor
+    #: ``[R, P, F]`` what the current layer's rounds brought last; None before its first.
+    brought: Tensor | None
+    #: ``[R, P * G]`` the current layer's sum so far.
+    total: Tensor
 
 
-class ResidualBlock(_Exactable):
-    """``sigma(conv(sigma(conv(x))) + skip(x))``, the skip a strided 1x1 convolution."""
-
-    def __init__(self, inputs: int, outputs: int, stride: int) -> None:
-        super().__init__()
-        self.first = ConvNorm(inputs, outputs, 3, stride)
-        self.second = ConvNorm(outputs, outputs, 3, 1)
-        self.skip = ConvNorm(inputs, outputs, 1, stride)
-
-    def forward(self, x: Tensor) -> Tensor:
-        """``[R, inputs, H, W]`` to ``[R, outputs, ceil(H / stride), ceil(W / stride)]``."""
-        inner = fp.rectified(self.first(x), self.exact)
-        return fp.rectified(self.second(inner) + self.skip(x), self.exact)
-
-
-class FeatureExtractor(_Exactable):
-    """A convolution and three residual blocks, then 128 features: the CNN-based perception."""
-
-    def __init__(self, channels: tuple[int, int, int]) -> None:
-        super().__init__()
-        first, second, third = channels
-        self.stem = ConvNorm(OBSERVATION_SHAPE[0], first, 3, 1)
-        self.blocks = nn.Sequential(
-            ResidualBlock(first, first, 2), ResidualBlock(first, second, 2), ResidualBlock(second, third, 1)
-        )
-        self.flatten = nn.Flatten()
-        self.linear = nn.Linear(third * 9, CNN_FEATURES)
-
-    def forward(self, view: Tensor) -> Tensor:
-        """``[R, 3, 11, 11]`` float32 to ``[R, 128]``."""
-        x = self.blocks(fp.rectified(self.stem(view), self.exact))
-        return fp.rectified(self.linear(self.flatten(x).to(self.linear.weight.dtype)), self.exact)
-
-
-class GraphAttention(_Exactable):
-    """One layer, K = 2: ``y_i = sigma(x_i A_0 + sum_j e_ij x_j A_1)`` per head, heads concatenated (Eq. 5 to 8).
-
-    ``e_ij`` is the softmax over the receiver's neighbours j of ``LeakyReLU(x_i W x_j^T)``.
-    """
-
-    def __init__(self, inputs: int, outputs: int, heads: int) -> None:
-        super().__init__()
-        self.query = nn.Linear(inputs, heads * inputs, bias=False)  # x -> x W, head by head
-        self.own = nn.Linear(inputs, heads * outputs, bias=False)  # A_0
-        self.heard = nn.Parameter(torch.empty(heads, inputs, outputs))  # A_1
-        self.heads = heads
-        # Scores start near zero, so that attention starts near the plain mean.
-        nn.init.normal_(self.query.weight, std=0.1 / inputs)
-        nn.init.kaiming_uniform_(self.own.weight, nonlinearity="relu")
-        for matrix in self.heard.data:
-            nn.init.kaiming_uniform_(matrix.T, nonlinearity="relu")
-
-    def attention(self, x: Tensor, messages: Tensor, present: Tensor) -> tuple[Tensor, Tensor]:
-        """Attention of R receivers to their messages.
-
-        Args:
-            x: ``[R, F]`` the receivers' own features.
-            messages: ``[R, M, F]`` what each heard, in any order.
-            present: ``[R, M]`` bool, which of the M places hold a message.
-
-        Returns:
-            Weights ``[R, P, M]``, 0 where there is no message, and their sums ``[R, P, 1]``; e_ij is their quotient.
-        """
-        query = self.query(x).unflatten(1, (self.heads, -1))
-        if self.exact:
-            query = fp.snap(query, fp.ACTIVATION_BITS, -fp.SIGNED_MAX, fp.SIGNED_MAX)
-        score = nn.functional.leaky_relu(query @ messages.transpose(1, 2), LEAKY_SLOPE)
-        present = present[:, None, :].expand_as(score)
-        if self.exact:
-            weights = fp.exp_weights(fp.snap(score, fp.EXPONENT_BITS, -1e6, 1e6), present)
-            return weights, weights.sum(-1, keepdim=True).clamp_min(1.0)
-        weights = score.masked_fill(~present, -1e9).softmax(-1) * present
-        return weights, weights.new_ones(*weights.shape[:2], 1)
-
-    def forward(self, x: Tensor, messages: Tensor, present: Tensor) -> Tensor:
-        """``[R, F]``, ``[R, M, F]`` and ``[R, M]`` (see `attention`) to ``[R, P * G]``. M may be 0."""
-        weights, total = self.attention(x, messages, present)
-        mean = (weights @ messages) / total
-        if self.exact:
-            mean = fp.snap(mean, fp.EXPONENT_BITS, 0.0, fp.ACTIVATION_MAX)
-        fused = torch.einsum("rpf,pfg->rpg", mean, self.heard).flatten(1)
-        return fp.rectified(self.own(x) + fused, self.exact)
-
-
-class PolicyNetwork(_Exactable):
-    """CNN -> MLP -> graph attention -> MLP -> five logits."""
+class PolicyNetwork(fp.Exactable):
+    """CNN -> MLP -> graph layers -> MLP -> five logits."""
 
     def __init__(self, config: PolicyConfig) -> None:
         super().__init__()
         self.config = config
-        self.extractor = FeatureExtractor(config.channels)
+        self.extractor = FeatureExtractor(config.channels, config.plain)
         self.reduction = nn.Linear(CNN_FEATURES, config.features)
-        self.graph = GraphAttention(config.features, config.features, config.heads)
-        fused = config.heads * config.features + (CNN_FEATURES if config.bottleneck else 0)
-        self.hidden = nn.Linear(fused, config.hidden)
+        fused = config.heads * config.features
+        widths = [config.features, *[fused] * (config.layers - 1)]
+        self.layers = nn.ModuleList(
+            graph_layer(config.layer, width, config.features, config.heads, config.taps, config.normalise)
+            for width in widths
+        )
+        self.hidden = nn.Linear(fused + (CNN_FEATURES if config.bottleneck else 0), config.hidden)
         self.action = nn.Linear(config.hidden, PRIMITIVES)
 
-    def encode(self, view: Tensor) -> tuple[Tensor, Tensor]:
-        """Before the exchange: ``[R, 3, 11, 11]`` to the CNN's features ``[R, 128]`` and the message x ``[R, F]``."""
-        features = self.extractor(view)
-        return features, fp.rectified(self.reduction(features), self.exact)
+    @property
+    def rounds(self) -> int:
+        """Rounds of messages in a tick."""
+        return len(self.config.message_sizes)
 
-    def fuse(self, features: Tensor, x: Tensor, messages: Tensor, present: Tensor) -> Tensor:
-        """After the exchange: own features and x, messages ``[R, M, F]`` and ``[R, M]`` to logits ``[R, 5]``."""
-        y = self.graph(x, messages, present)
-        if self.config.bottleneck:
-            y = torch.cat([features, y], dim=1)
-        logits = self.action(fp.rectified(self.hidden(y), self.exact))
+    def look(self, view: Tensor) -> Thought:
+        """Before the exchange: ``[R, 3, 11, 11]`` float32."""
+        features = self.extractor(view)
+        x = fp.rectified(self.reduction(features), self.exact)
+        return self._enter(0, Thought(features, 0, x, None, x))
+
+    def message(self, thought: Thought) -> Tensor:
+        """What each robot sends next: ``[R, n]``, n of `PolicyConfig.message_sizes`."""
+        if self.config.taps == 1:
+            return thought.x[:, :0]
+        return self._layer(thought.rounds // (self.config.taps - 1)).message(thought.x, thought.brought)
+
+    def hear(self, thought: Thought, messages: Tensor, present: Tensor) -> Thought:
+        """One round: messages ``[R, M, n]`` in any order, ``present`` ``[R, M]`` bool says which places hold one."""
+        rounds, hops = thought.rounds + 1, self.config.taps - 1
+        if hops == 0:
+            return replace(thought, rounds=rounds)
+        number, hop = divmod(thought.rounds, hops)
+        layer = self._layer(number)
+        brought = layer.receive(thought.x, messages, present)
+        thought = replace(thought, rounds=rounds, brought=brought, total=thought.total + layer.tap(hop + 1, brought))
+        return thought if hop + 1 < hops else self._leave(number, thought)
+
+    def logits(self, thought: Thought) -> Tensor:
+        """After the last round: ``[R, 5]``."""
+        x = torch.cat([thought.features, thought.x], dim=1) if self.config.bottleneck else thought.x
+        logits = self.action(fp.rectified(self.hidden(x), self.exact))
         return fp.snap(logits, fp.EXPONENT_BITS, -fp.SIGNED_MAX, fp.SIGNED_MAX) if self.exact else logits
 
     def forward(self, view: Tensor, heard: Tensor) -> Tensor:
-        """Both halves, the exchange in between.
+        """All of it, every robot hearing the rows that it names.
 
         Args:
             view: ``[R, 3, 11, 11]``.
@@ -168,8 +96,24 @@ class PolicyNetwork(_Exactable):
         Returns:
             ``[R, 5]`` logits.
         """
-        features, x = self.encode(view)
-        return self.fuse(features, x, x[heard.clamp_min(0)], heard >= 0)
+        thought, present, rows = self.look(view), heard >= 0, heard.clamp_min(0)
+        for _ in range(self.rounds):
+            thought = self.hear(thought, self.message(thought)[rows], present)
+        return self.logits(thought)
+
+    def _layer(self, number: int) -> GraphLayer:
+        layer = self.layers[number]
+        assert isinstance(layer, GraphLayer)
+        return layer
+
+    def _enter(self, number: int, thought: Thought) -> Thought:
+        total = self._layer(number).own(thought.x)
+        thought = replace(thought, brought=None, total=total)
+        return thought if self.config.taps > 1 else self._leave(number, thought)
+
+    def _leave(self, number: int, thought: Thought) -> Thought:
+        thought = replace(thought, x=fp.rectified(thought.total, self.exact))
+        return thought if number + 1 == self.config.layers else self._enter(number + 1, thought)
 
 
 def deploy(network: PolicyNetwork) -> PolicyNetwork:
@@ -183,24 +127,19 @@ def deploy(network: PolicyNetwork) -> PolicyNetwork:
     deployed = copy.deepcopy(network).eval().requires_grad_(False)
     _check_finite(deployed)
     for module in list(deployed.modules()):
-        if isinstance(module, ConvNorm):
+        if isinstance(module, ConvNorm | GraphLayer):
             module.fold()
     deployed.requires_grad_(False)
     _check_finite(deployed)  # again: a negative variance becomes NaN
-    extractor = deployed.extractor
-    _snap_convs([extractor.stem], input_bits=0, input_max=1.0)
-    for block in extractor.blocks:
-        assert isinstance(block, ResidualBlock)
-        _snap_convs([block.first], fp.ACTIVATION_BITS, fp.ACTIVATION_MAX)
-        # Their outputs are added up, so they share one sum, and one bound.
-        _snap_convs([block.second, block.skip], fp.ACTIVATION_BITS, fp.ACTIVATION_MAX)
-    for head in (extractor.linear, deployed.reduction, deployed.graph, deployed.hidden, deployed.action):
+    for added in deployed.extractor.sums():
+        _snap_convs(added)
+    for head in (deployed.extractor.linear, deployed.reduction, deployed.layers, deployed.hidden, deployed.action):
         head.double()
     for name, parameter in deployed.named_parameters():
         if parameter.dtype == torch.float64:
             parameter.copy_(fp.snap_float64(parameter, name))
     for module in deployed.modules():
-        if isinstance(module, _Exactable):
+        if isinstance(module, fp.Exactable):
             module.exact = True
     return deployed
 
@@ -211,11 +150,11 @@ def _check_finite(network: PolicyNetwork) -> None:
             raise ValueError(f"weights {name} hold NaN or infinity: the file is damaged or training diverged")
 
 
-def _snap_convs(layers: list[ConvNorm], input_bits: int, input_max: float) -> None:
-    convs = [layer.conv for layer in layers]
+def _snap_convs(added: Sum) -> None:
+    convs = [layer.conv for layer in added.convs]
     biases = [conv.bias for conv in convs if conv.bias is not None]
-    bits = fp.weight_bits([conv.weight for conv in convs], biases, input_bits, input_max)
+    bits = fp.weight_bits([conv.weight for conv in convs], biases, added.input_bits, added.input_max)
     for conv in convs:
         conv.weight.copy_(fp.snap_rows(conv.weight, bits))
     for bias in biases:
-        bias.copy_(fp.snap_rows(bias, bits + input_bits))
+        bias.copy_(fp.snap_rows(bias, bits + added.input_bits))

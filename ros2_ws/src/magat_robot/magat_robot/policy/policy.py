@@ -1,4 +1,4 @@
-"""A policy as robots carry it: observation -> message, messages -> decision."""
+"""A policy as robots carry it: observation -> message, messages -> (next message, ...) decision."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,8 @@ import torch
 
 from magat_robot.policy import fixed_point as fp
 from magat_robot.policy.config import PolicyConfig
-from magat_robot.policy.network import OBSERVATION_SHAPE, PRIMITIVES, PolicyNetwork, deploy
+from magat_robot.policy.extractor import OBSERVATION_SHAPE
+from magat_robot.policy.network import PRIMITIVES, PolicyNetwork, Thought, deploy
 from magat_robot.policy.sampling import choose, uniform
 
 #: Robots computed in one go: larger batches fall out of the processor's cache.
@@ -17,11 +18,12 @@ _CHUNK = 256
 
 @dataclass(frozen=True)
 class Encoding:
-    """What R robots know after looking, before hearing."""
+    """What R robots know after looking, and after each round of messages; and what they send next."""
 
-    #: ``[R, 128]`` float64, the CNN's features; never sent.
-    features: torch.Tensor
-    #: ``[R, F]`` float32, x: what each sends. Its values are exact in float32 and in float16.
+    #: Never sent.
+    thought: Thought
+    #: ``[R, n]`` float32, n of `PolicyConfig.message_sizes`: what each sends. In the first round these are the features
+    #: x, whose values are exact in float16, too.
     messages: npt.NDArray[np.float32]
 
 
@@ -68,47 +70,52 @@ class Policy:
         if view.size and view.max() > 1:
             raise ValueError(f"an observation holds 0 and 1, not {view.max()}")
         inputs = torch.from_numpy(view.astype(np.float32)).contiguous(memory_format=torch.channels_last)
-        parts = [self._network.encode(chunk) for chunk in inputs.split(_CHUNK)]
-        features = torch.cat([part[0] for part in parts])
-        return Encoding(features, torch.cat([part[1] for part in parts]).float().numpy())
+        parts = [self._network.look(chunk) for chunk in inputs.split(_CHUNK)]
+        features, x, total = (torch.cat([getattr(part, name) for part in parts]) for name in ("features", "x", "total"))
+        return self._encoding(Thought(features, 0, x, None, total))
 
     @torch.inference_mode()
-    def weights(
-        self, own: Encoding, messages: npt.NDArray[np.float32], present: npt.NDArray[np.bool_]
-    ) -> npt.NDArray[np.float64]:
-        """Hear, and weigh the primitives.
+    def hear(self, own: Encoding, messages: npt.NDArray[np.float32], present: npt.NDArray[np.bool_]) -> Encoding:
+        """One round of messages, of those that a tick has.
 
         Args:
             own: of the R robots.
-            messages: ``[R, M, F]`` what each heard, in any order; M may be 0.
+            messages: ``[R, M, n]`` what each heard, in any order; M may be 0.
             present: ``[R, M]`` which of the M places hold a message.
-
-        Returns:
-            ``[R, 5]`` whole numbers proportional to softmax(logits / T).
         """
-        x = torch.from_numpy(own.messages).double()
+        # What stands in empty places must not matter, and NaN times 0 would.
         heard = torch.from_numpy(np.where(present[:, :, None], messages, np.float32(0))).double()
-        logits = self._network.fuse(own.features, x, heard, torch.from_numpy(present))
+        return self._encoding(self._network.hear(own.thought, heard, torch.from_numpy(present)))
+
+    @torch.inference_mode()
+    def weights(self, own: Encoding) -> npt.NDArray[np.float64]:
+        """After the last round: ``[R, 5]`` whole numbers proportional to softmax(logits / T)."""
+        logits = self._network.logits(own.thought)
         exponents = fp.snap(logits / self.config.temperature, fp.EXPONENT_BITS, -1e6, 1e6)
         weights = fp.exp_weights(exponents).numpy()
         assert weights.shape == (len(own.messages), PRIMITIVES)
         return weights
 
-    def decide(
-        self,
-        own: Encoding,
-        messages: npt.NDArray[np.float32],
-        present: npt.NDArray[np.bool_],
-        streams: npt.NDArray[np.uint64],
-        tick: int,
-    ) -> Decision:
-        """Hear and decide: as `weights`, then one draw from each robot's stream (``[R]``) for ``tick``."""
-        weights = self.weights(own, messages, present)
+    def decide(self, own: Encoding, streams: npt.NDArray[np.uint64], tick: int) -> Decision:
+        """After the last round: as `weights`, then one draw from each robot's stream (``[R]``) for ``tick``."""
+        weights = self.weights(own)
         return Decision(weights, choose(weights, uniform(streams, tick)))
 
     def decide_together(
         self, view: npt.NDArray[np.uint8], heard: npt.NDArray[np.int64], streams: npt.NDArray[np.uint64], tick: int
     ) -> Decision:
         """R robots at once, the exchange in between: row i hears the rows ``heard[i]`` (``[R, M]``, -1 for none)."""
-        own = self.encode(view)
-        return self.decide(own, own.messages[np.maximum(heard, 0)], heard >= 0, streams, tick)
+        own, rows, present = self.encode(view), np.maximum(heard, 0), heard >= 0
+        for _ in range(self.rounds):
+            own = self.hear(own, own.messages[rows], present)
+        return self.decide(own, streams, tick)
+
+    @property
+    def rounds(self) -> int:
+        """Rounds of messages in a tick."""
+        return self._network.rounds
+
+    def _encoding(self, thought: Thought) -> Encoding:
+        finished = thought.rounds == self.rounds
+        messages = thought.x[:, :0] if finished else self._network.message(thought)
+        return Encoding(thought, messages.float().numpy())

@@ -42,7 +42,7 @@ def load_network(folder: Path) -> tuple[PolicyNetwork, str]:
         config, expected = PolicyConfig.from_json(stored["policy"]), stored["sha256"]
     except ModelError as error:
         raise ModelError(f"{config_file}: {error}") from error
-    except (json.JSONDecodeError, UnicodeDecodeError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError) as error:
         raise ModelError(f"{config_file} is damaged ({error!r}): write it again or fetch the policy again") from error
     data = weights_file.read_bytes()
     digest = hashlib.sha256(data).hexdigest()

@@ -1,0 +1,114 @@
+"""The perception of a policy: the CNN that makes 128 features of what a robot sees (MAGAT paper, Sec. V-B, V-C)."""
+
+from typing import NamedTuple
+
+from torch import Tensor, nn
+from torch.nn.utils import fuse_conv_bn_eval
+
+from magat_robot.policy import fixed_point as fp
+
+#: Shape of an observation: obstacles, robots, goal; the 9 x 9 field of view and the ring around it.
+OBSERVATION_SHAPE = (3, 11, 11)
+#: Features extracted by the CNN, before their reduction to Num_features.
+CNN_FEATURES = 128
+
+
+class ConvNorm(nn.Module):
+    """Convolution, then batch normalisation; the latter is folded into the former on deployment."""
+
+    def __init__(self, inputs: int, outputs: int, kernel: int, stride: int = 1) -> None:
+        super().__init__()
+        self.conv = nn.Conv2d(inputs, outputs, kernel, stride, padding=kernel // 2, bias=False)
+        self.norm: nn.Module = nn.BatchNorm2d(outputs)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """``[R, inputs, H, W]`` to ``[R, outputs, H', W']``."""
+        return self.norm(self.conv(x))
+
+    def fold(self) -> None:
+        """Fold the normalisation, with its running statistics, into the convolution."""
+        assert isinstance(self.norm, nn.BatchNorm2d)
+        self.conv = fuse_conv_bn_eval(self.conv.eval(), self.norm.eval())
+        self.norm = nn.Identity()
+
+
+class ResidualBlock(fp.Exactable):
+    """``sigma(conv(sigma(conv(x))) + skip(x))``, the skip a strided 1x1 convolution."""
+
+    def __init__(self, inputs: int, outputs: int, stride: int) -> None:
+        super().__init__()
+        self.first = ConvNorm(inputs, outputs, 3, stride)
+        self.second = ConvNorm(outputs, outputs, 3)
+        self.skip = ConvNorm(inputs, outputs, 1)
+        self.stride = stride
+
+    def forward(self, x: Tensor) -> Tensor:
+        """``[R, inputs, H, W]`` to ``[R, outputs, ceil(H / stride), ceil(W / stride)]``."""
+        inner = fp.rectified(self.first(x), self.exact)
+        # Every stride-th cell first, then the convolution: several times faster than a strided one, backwards.
+        return fp.rectified(self.second(inner) + self.skip(x[:, :, :: self.stride, :: self.stride]), self.exact)
+
+
+class PlainBlock(fp.Exactable):
+    """Convolution-normalisation-sigma-MaxPool, and without the pool once more, unless it is the last block."""
+
+    def __init__(self, inputs: int, outputs: int, last: bool = False) -> None:
+        super().__init__()
+        self.first = ConvNorm(inputs, outputs, 3)
+        self.pool = nn.MaxPool2d(2)
+        self.second = None if last else ConvNorm(outputs, outputs, 3)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """``[R, inputs, H, W]`` to ``[R, outputs, H // 2, W // 2]``."""
+        x = self.pool(fp.rectified(self.first(x), self.exact))
+        return x if self.second is None else fp.rectified(self.second(x), self.exact)
+
+
+class Sum(NamedTuple):
+    """Convolutions whose outputs are added up, and the grid of what they get; see `fixed_point.weight_bits`."""
+
+    convs: tuple[ConvNorm, ...]
+    input_bits: int
+    input_max: float
+
+
+class FeatureExtractor(fp.Exactable):
+    """A stem and three blocks, then a linear layer: 11x11 cells to 128 features.
+
+    The stem is a convolution and the blocks are residual ones; in GNN_baseline there is no stem, and the blocks are
+    those of the paper's earlier work (Li et al., IROS 2020).
+    """
+
+    def __init__(self, channels: tuple[int, int, int], plain: bool) -> None:
+        super().__init__()
+        first, second, third = channels
+        self.stem = None if plain else ConvNorm(OBSERVATION_SHAPE[0], first, 3)
+        if plain:
+            blocks: list[PlainBlock | ResidualBlock] = [
+                PlainBlock(OBSERVATION_SHAPE[0], first),
+                PlainBlock(first, second),
+                PlainBlock(second, third, last=True),
+            ]
+        else:
+            blocks = [ResidualBlock(first, first, 2), ResidualBlock(first, second, 2), ResidualBlock(second, third, 1)]
+        self.blocks = nn.Sequential(*blocks)
+        self.linear = nn.Linear(third * (1 if plain else 9), CNN_FEATURES)
+
+    def forward(self, view: Tensor) -> Tensor:
+        """``[R, 3, 11, 11]`` float32 to ``[R, 128]``."""
+        x = view if self.stem is None else fp.rectified(self.stem(view), self.exact)
+        x = self.blocks(x).flatten(1)
+        return fp.rectified(self.linear(x.to(self.linear.weight.dtype)), self.exact)
+
+    def sums(self) -> list[Sum]:
+        """Its convolutions, grouped by the sums that they feed."""
+        zeros_and_ones, activations = (0, 1.0), (fp.ACTIVATION_BITS, fp.ACTIVATION_MAX)
+        result = [] if self.stem is None else [Sum((self.stem,), *zeros_and_ones)]
+        for block in self.blocks:
+            assert isinstance(block, ResidualBlock | PlainBlock)
+            result.append(Sum((block.first,), *(activations if result else zeros_and_ones)))
+            if isinstance(block, ResidualBlock):
+                result.append(Sum((block.second, block.skip), *activations))
+            elif block.second is not None:
+                result.append(Sum((block.second,), *activations))
+        return result

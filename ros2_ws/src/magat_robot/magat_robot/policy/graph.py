@@ -1,0 +1,172 @@
+"""The graph layers: what a robot makes of its neighbours' messages (MAGAT paper, Eq. 3 and 5 to 9)."""
+
+import torch
+from torch import Tensor, nn
+
+from magat_robot.policy import fixed_point as fp
+
+#: Slope of the LeakyReLU in Eq. 6 (the value of the GAT paper).
+LEAKY_SLOPE = 0.2
+
+
+class GraphLayer(fp.Exactable):
+    """``y_i = sigma(x_i A_0 + sum_{k = 1}^{K - 1} [(E * S)^k X]_i A_k)`` per head, heads concatenated (Eq. 5, 8).
+
+    ``[(E * S)^k X]_i`` is what reaches robot i over k hops, in k rounds of messages. The subclasses say how the
+    messages of a neighbourhood are weighed. Shapes: R robots, M places for messages, P heads, F inputs, G outputs.
+    """
+
+    def __init__(self, inputs: int, outputs: int, heads: int, taps: int) -> None:
+        super().__init__()
+        self.inputs, self.heads = inputs, heads
+        self.own = nn.Linear(inputs, heads * outputs, bias=False)  # A_0
+        self.taps = nn.Parameter(torch.empty(taps - 1, heads, inputs, outputs))  # A_1, ...
+        nn.init.kaiming_uniform_(self.own.weight, nonlinearity="relu")
+        for matrix in self.taps.data.flatten(0, 1):
+            nn.init.kaiming_uniform_(matrix.T, nonlinearity="relu")
+
+    def message(self, x: Tensor, brought: Tensor | None) -> Tensor:
+        """What a robot sends: its x ``[R, F]`` in the first round; later also what the rounds before ``brought`` it.
+
+        Args:
+            x: ``[R, F]``.
+            brought: ``[R, P, F]``, of `receive`; None in the first round.
+
+        Returns:
+            ``[R, F]``, later ``[R, F + P * F]``.
+        """
+        # With x in each message, its receiver weighs it anew, and needs not know whose it was a round before.
+        return x if brought is None else torch.cat([x, brought.flatten(1)], dim=1)
+
+    def receive(self, x: Tensor, messages: Tensor, present: Tensor) -> Tensor:
+        """One hop: the weighed mean of what the neighbours sent, head by head.
+
+        Args:
+            x: ``[R, F]`` the receivers' own.
+            messages: ``[R, M, F]`` or ``[R, M, F + P * F]`` (see `message`) in any order. M may be 0.
+            present: ``[R, M]`` bool, which of the M places hold a message.
+
+        Returns:
+            ``[R, P, F]``.
+        """
+        keys = messages[:, :, : self.inputs]
+        weights, total = self.attention(x, keys, present)
+        if messages.shape[2] == self.inputs:
+            mean = (weights @ keys) / total
+        else:
+            values = messages[:, :, self.inputs :].unflatten(2, (self.heads, self.inputs))
+            mean = torch.einsum("rpm,rmpf->rpf", weights, values) / total
+        return fp.snap(mean, fp.EXPONENT_BITS, 0.0, fp.ACTIVATION_MAX) if self.exact else mean
+
+    def attention(self, x: Tensor, keys: Tensor, present: Tensor) -> tuple[Tensor, Tensor]:
+        """How much each receiver listens to each of its messages.
+
+        Args:
+            x: ``[R, F]`` the receivers' own.
+            keys: ``[R, M, F]`` the senders'.
+            present: ``[R, M]`` bool.
+
+        Returns:
+            Weights ``[R, P, M]``, 0 where there is no message, and their sums ``[R, P, 1]``; e_ij is their quotient.
+        """
+        return self._softmax(self.scores(x, keys), present)
+
+    def scores(self, x: Tensor, keys: Tensor) -> Tensor:
+        """``[R, P, M]``, e_ij before LeakyReLU and softmax; arguments as for `attention`."""
+        raise NotImplementedError
+
+    def tap(self, hops: int, brought: Tensor) -> Tensor:
+        """``[(E * S)^k X] A_k`` for k = ``hops`` from 1: ``[R, P, F]`` to ``[R, P * G]``."""
+        return torch.einsum("rpf,pfg->rpg", brought.expand(-1, self.heads, -1), self.taps[hops - 1]).flatten(1)
+
+    def fold(self) -> None:
+        """Compute in advance what depends on weights alone; called once, on deployment."""
+
+    def _softmax(self, scores: Tensor, present: Tensor) -> tuple[Tensor, Tensor]:
+        scores = nn.functional.leaky_relu(scores, LEAKY_SLOPE)
+        present = present[:, None, :].expand_as(scores)
+        if self.exact:
+            weights = fp.exp_weights(fp.snap(scores, fp.EXPONENT_BITS, -1e6, 1e6), present)
+            return weights, weights.sum(-1, keepdim=True).clamp_min(1.0)
+        weights = scores.masked_fill(~present, -1e9).softmax(-1) * present
+        return weights, weights.new_ones(*weights.shape[:2], 1)
+
+
+class MessageAwareAttention(GraphLayer):
+    """MAGAT: ``e_ij = softmax_j LeakyReLU(x_i W x_j^T)`` (Eq. 6, 7)."""
+
+    def __init__(self, inputs: int, outputs: int, heads: int, taps: int) -> None:
+        super().__init__(inputs, outputs, heads, taps)
+        self.query = nn.Linear(inputs, heads * inputs, bias=False)  # x -> x W, head by head
+        # Scores start near zero, so that attention starts near the plain mean.
+        nn.init.normal_(self.query.weight, std=0.1 / inputs)
+
+    def scores(self, x: Tensor, keys: Tensor) -> Tensor:
+        """``x_i W x_j^T``; see `GraphLayer.scores`."""
+        query = self.query(x).unflatten(1, (self.heads, -1))
+        if self.exact:
+            query = fp.snap(query, fp.ACTIVATION_BITS, -fp.SIGNED_MAX, fp.SIGNED_MAX)
+        return query @ keys.transpose(1, 2)
+
+
+class GraphAttention(GraphLayer):
+    """GAT: ``e_ij = softmax_j LeakyReLU((x_i A_1 || x_j A_1) H)`` (Eq. 6, 9; Velickovic et al., ICLR 2018).
+
+    The paper leaves open which A_k: it is that of the first hop, with which the same messages are fused.
+    """
+
+    def __init__(self, inputs: int, outputs: int, heads: int, taps: int) -> None:
+        super().__init__(inputs, outputs, heads, taps)
+        self.pair = nn.Parameter(torch.empty(2, heads, outputs))  # the halves of H: receiver's, sender's
+        nn.init.normal_(self.pair, std=0.1 / outputs)
+        self.folded: nn.Parameter | None = None
+
+    def scores(self, x: Tensor, keys: Tensor) -> Tensor:
+        """``(x_i A_1 || x_j A_1) H``; see `GraphLayer.scores`."""
+        receiver, sender = self._projections() if self.folded is None else self.folded
+        return (x @ receiver.T)[:, :, None] + (keys @ sender.T).transpose(1, 2)
+
+    def fold(self) -> None:
+        """``A_1 H`` is one vector for the receiver and one for the sender."""
+        if len(self.taps):  # robots that do not talk have nobody to weigh
+            self.double()  # in float32 the order of these sums, which is the machine's, would show
+            self.folded = nn.Parameter(self._projections().detach(), requires_grad=False)
+
+    def _projections(self) -> Tensor:
+        """``[2, P, F]``."""
+        return torch.einsum("pfg,hpg->hpf", self.taps[0], self.pair)
+
+
+class GraphConvolution(GraphLayer):
+    """GNN: all neighbours weigh the same, ``e_ij = 1`` (Eq. 3); S is the adjacency over the receiver's degree, or bare.
+
+    (The authors' code divides by the largest eigenvalue of the whole team's graph, which no robot knows.)
+    """
+
+    def __init__(self, inputs: int, outputs: int, heads: int, taps: int, normalise: bool) -> None:
+        super().__init__(inputs, outputs, heads, taps)
+        self.normalise = normalise
+
+    def message(self, x: Tensor, brought: Tensor | None) -> Tensor:
+        """As `GraphLayer.message`, but without x from the second round on: ``[R, F]``."""
+        return x if brought is None else brought.flatten(1)
+
+    def receive(self, x: Tensor, messages: Tensor, present: Tensor) -> Tensor:
+        """As `GraphLayer.receive`, but one for all heads: ``[R, 1, F]``."""
+        weights, total = self.attention(x, messages, present)
+        mean = (weights[:, :1] @ messages) / total[:, :1]
+        high = fp.ACTIVATION_MAX if self.normalise else fp.SUM_MAX
+        return fp.snap(mean, fp.EXPONENT_BITS, 0.0, high) if self.exact else mean.clamp_max(high)
+
+    def attention(self, x: Tensor, keys: Tensor, present: Tensor) -> tuple[Tensor, Tensor]:
+        """The same for all that are present; see `GraphLayer.attention`."""
+        weights = present[:, None, :].expand(-1, self.heads, -1).to(x.dtype)
+        total = weights.sum(-1, keepdim=True).clamp_min(1.0)
+        return weights, total if self.normalise else torch.ones_like(total)
+
+
+def graph_layer(kind: str, inputs: int, outputs: int, heads: int, taps: int, normalise: bool) -> GraphLayer:
+    """The layer of a policy whose name begins with ``kind``: MAGAT, GAT or GNN."""
+    if kind == "GNN":
+        return GraphConvolution(inputs, outputs, heads, taps, normalise)
+    return {"MAGAT": MessageAwareAttention, "GAT": GraphAttention}[kind](inputs, outputs, heads, taps)

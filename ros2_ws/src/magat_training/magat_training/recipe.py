@@ -1,0 +1,79 @@
+"""Recipes: how a policy is trained, as a file that people write and `magat train` reads."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from magat_robot.policy.config import ModelError, PolicyConfig
+from magat_training.train import TrainConfig
+
+#: Name of the recipe's copy beside the weights that came of it.
+RECIPE = "training.yaml"
+
+
+def read_recipe(name: str) -> TrainConfig:
+    """The recipe that ``name`` stands for.
+
+    Args:
+        name: a policy's name, e.g. GNN-F-64, for the defaults of `TrainConfig`; or a YAML file (``.yaml``, ``.yml``)
+            with some of its fields, ``policy`` being a policy's name or some of the fields of `PolicyConfig`.
+
+    Raises:
+        ModelError: an unknown name, no such file, or fields and values that do not exist.
+    """
+    if not name.endswith((".yaml", ".yml")):
+        return TrainConfig(policy=_policy({"name": name}))
+    try:
+        values = yaml.safe_load(Path(name).read_text())
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ModelError(f"the recipe {name} cannot be read: {error}") from error
+    if not isinstance(values, dict):
+        raise ModelError(
+            f"the recipe {name} holds {type(values).__name__}: it is a mapping, at least `policy: MAGAT-F-128`"
+        )
+    try:
+        return recipe(values)
+    except ModelError as error:
+        raise ModelError(f"the recipe {name}: {error}") from error
+
+
+def recipe(values: dict[str, Any]) -> TrainConfig:
+    """The recipe with the fields ``values``; see `read_recipe`.
+
+    Raises:
+        ModelError: unknown fields, or values of the wrong kind or out of range.
+    """
+    given = values.get("policy", {})
+    policy = _policy({"name": given} if isinstance(given, str) else given)
+    known = {field.name: field.type for field in dataclasses.fields(TrainConfig)}
+    for name, value in values.items():
+        if name not in known:
+            raise ModelError(f"a recipe has no field {name!r}: there are {', '.join(known)}")
+        if name != "policy" and not _fits(value, known[name]):
+            raise ModelError(f"{name} is {value!r}: it is a {getattr(known[name], '__name__', known[name])}")
+    try:
+        return TrainConfig(**values | {"policy": policy})
+    except ValueError as error:
+        raise ModelError(str(error)) from error
+
+
+def write_recipe(config: TrainConfig, path: Path) -> None:
+    """Write ``config`` to ``path``, so that `read_recipe` gives it back."""
+    values = dataclasses.asdict(config)
+    values["policy"] = config.policy.to_json() | {"channels": list(config.policy.channels)}
+    path.write_text(yaml.safe_dump(values, sort_keys=False))
+
+
+def _policy(values: Any) -> PolicyConfig:
+    if not isinstance(values, dict):
+        raise ModelError(f"policy is {values!r}: give the name of one, or its fields")
+    defaults = TrainConfig().policy.to_json()
+    return PolicyConfig.from_json(defaults | {"channels": list(defaults["channels"])} | values)
+
+
+def _fits(value: Any, kind: Any) -> bool:
+    if kind is float:
+        return type(value) in (int, float)
+    return type(value) is kind

@@ -1,0 +1,184 @@
+"""Success against flowtime: the same measures as an evaluation's, in a table, a file and a picture."""
+
+import csv
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from rich.console import Console
+
+from magat_bringup import cli, frontier, models
+from magat_bringup.evaluation import evaluate_policy
+from magat_robot.policy.config import ModelError
+from magat_robot.policy.store import WEIGHTS, save
+from magat_training.cases import SET_SEED, SPLITS
+
+SIZE = {"width": 8, "height": 8, "robots": 3, "density": 0.1}
+QUIET = Console(quiet=True)
+
+
+@pytest.fixture
+def policies(tmp_path: Path, random_network: Callable) -> dict[str, Path]:
+    """Two policies."""
+    folders = {name: tmp_path / "models" / name for name in ("first", "second")}
+    for seed, folder in enumerate(folders.values()):
+        save(random_network("MAGAT-F-16", seed=seed), folder, "# card\n")
+    return folders
+
+
+def point(temperature: float, alpha: float, delta_ft: float, **changes: Any) -> dict[str, Any]:
+    return {
+        "temperature": temperature, "alpha": alpha, "alpha_interval": (alpha - 0.1, min(1.0, alpha + 0.02)),
+        "delta_ft": delta_ft, "delta_ft_half_width": 0.01, "p_rg": 0.9, "alpha_strict": 0.8, "delta_ft_strict": 0.3,
+        "cases": 300, **SIZE, "seed": 1, "first_case": 21000, "shield": "idle", "digest": "ab" * 32,
+    } | changes  # fmt: skip
+
+
+def shades(path: Path) -> np.ndarray:
+    """The picture in grey, ``[height, width]``."""
+    with Image.open(path) as image:
+        assert image.format == "PNG"
+        return np.asarray(image.convert("L"), dtype=int)
+
+
+def test_each_point_is_an_evaluation_at_its_temperature(policies: dict[str, Path]) -> None:
+    numbers = SPLITS["valid"][:4]
+    found = frontier.frontier(policies, [3.0, 0.5, 3.0], numbers, SET_SEED, SIZE, QUIET)
+    assert list(found) == ["first", "second"]
+    for name, points in found.items():
+        assert [one["temperature"] for one in points] == [0.5, 3.0], "in order, each once"
+        for one in points:
+            alone = evaluate_policy(policies[name], numbers, SET_SEED, one["temperature"], SIZE, QUIET)
+            assert one | {"seconds": 0} == alone | {"seconds": 0}
+    assert found["first"][0]["digest"] != found["second"][0]["digest"]
+
+
+@pytest.mark.parametrize("wrong", [0.0, -1.0, 101.0, math.nan, math.inf])
+def test_a_temperature_out_of_range_is_refused_before_any_work(
+    policies: dict[str, Path], monkeypatch: pytest.MonkeyPatch, wrong: float
+) -> None:
+    monkeypatch.setattr(frontier, "evaluate_policy", lambda *_: pytest.fail("too late"))
+    with pytest.raises(ModelError, match=f"temperature {wrong} is not within"):
+        frontier.frontier(policies, [1.0, wrong], SPLITS["valid"][:4], SET_SEED, SIZE, QUIET)
+
+
+def test_a_damaged_policy_is_refused_before_any_work(
+    policies: dict[str, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(frontier, "evaluate_policy", lambda *_: pytest.fail("too late"))
+    (policies["second"] / WEIGHTS).write_bytes(b"")
+    with pytest.raises(ModelError, match=r"second.* is damaged"):
+        frontier.frontier(policies, [1.0], SPLITS["valid"][:4], SET_SEED, SIZE, QUIET)
+
+
+def test_the_file_holds_a_row_a_point(tmp_path: Path) -> None:
+    reports = {"a, b": [point(0.5, 0.9, 0.1), point(1.0, 0.95, 0.2)], "c": [point(1.0, 0.5, 0.3)]}
+    frontier.write_csv(reports, tmp_path / "points.csv")
+    with (tmp_path / "points.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["policy"], float(row["temperature"])) for row in rows] == [("a, b", 0.5), ("a, b", 1.0), ("c", 1.0)]
+    assert [float(row["alpha"]) for row in rows] == [0.9, 0.95, 0.5]
+    assert [float(row["alpha_low"]) for row in rows] == pytest.approx([0.8, 0.85, 0.4])
+    assert [float(row["alpha_high"]) for row in rows] == pytest.approx([0.92, 0.97, 0.52])
+    assert {(row["delta_ft_half_width"], row["cases"], row["robots"]) for row in rows} == {("0.01", "300", "3")}
+    assert all(None not in row and None not in row.values() and "" not in row.values() for row in rows)
+
+
+def test_the_table_says_what_reaches_the_target() -> None:
+    reports = {"a": [point(0.5, 0.969, 0.05), point(1.0, 0.97, 0.08), point(2.0, 1.0, 0.081)]}
+    console = Console(width=80)
+    with console.capture() as capture:
+        console.print(frontier.table(reports))
+    lines = capture.get().splitlines()
+    assert "300 cases of 8x8 (3)" in lines[0]
+    assert [line.split()[1] for line in lines[2:]] == ["0.5", "1", "2"]
+    assert [line.split()[-1] for line in lines[2:]] == ["missed", "reached", "missed"]
+    assert "0.970  0.870 to 0.990  0.080 ± 0.010  0.9000" in lines[3]
+
+
+def test_the_picture_shows_the_points_and_the_target(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    far = {"a": [point(0.5, 0.7, 0.3), point(1.0, 0.8, 0.4)]}
+    frontier.draw(far, tmp_path / "one.png")
+    one = shades(tmp_path / "one.png")
+    assert min(one.shape) > 500
+    assert 0.01 < (one < 240).mean() < 0.3, "ink on white paper"
+    frontier.draw({"a": far["a"][:1]}, tmp_path / "fewer.png")
+    frontier.draw(far | {"b": [point(0.5, 0.75, 0.35)]}, tmp_path / "more.png")
+    monkeypatch.setattr(frontier, "TARGET_DELTA_FT", 0.2)
+    frontier.draw(far, tmp_path / "wider.png")
+    for name in ("fewer", "more", "wider"):
+        assert (one != shades(tmp_path / f"{name}.png")).any(), name
+
+
+@pytest.mark.parametrize(
+    ("alike", "differ"),
+    [
+        ({"_MARKERS": ("o",)}, True),
+        ({"_DASHES": ("-",)}, True),
+        ({"_MARKERS": ("o",), "_DASHES": ("-",)}, False),
+    ],
+)
+def test_lines_differ_without_colour_by_marker_and_by_style(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, alike: dict[str, tuple], differ: bool
+) -> None:
+    monkeypatch.setattr(frontier, "robot_colour", lambda _: "#000000")
+    for name, value in ({"_LABELS": ((5.0, 5.0),)} | alike).items():
+        monkeypatch.setattr(frontier, name, value)
+    here, there = ([point(0.5, 0.7, x), point(1.0, 0.8, x)] for x in (0.1, 0.4))
+    frontier.draw({"a": here, "b": there}, tmp_path / "one.png")
+    frontier.draw({"a": there, "b": here}, tmp_path / "other.png")
+    assert (shades(tmp_path / "one.png") != shades(tmp_path / "other.png")).any() == differ
+
+
+def test_points_at_the_edge_can_be_drawn(tmp_path: Path) -> None:
+    rounded = point(1.0, 1.0, 0.0, alpha_interval=(0.2, 1.0 - 1e-16))
+    frontier.draw({r"$\no{formula$": [rounded]}, tmp_path / "edge.png")
+    assert (shades(tmp_path / "edge.png") < 128).any()
+
+
+def test_one_case_gives_a_point_without_an_interval(tmp_path: Path) -> None:
+    for name, half in (("none", math.nan), ("zero", 0.0)):
+        frontier.draw({"a": [point(1.0, 1.0, 2.0, delta_ft_half_width=half)]}, tmp_path / name)
+    assert (shades(tmp_path / "none") == shades(tmp_path / "zero")).all()
+
+
+def test_the_command_writes_table_file_and_picture(
+    policies: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    monkeypatch.setattr(models, "model_folders", lambda: iter([tmp_path / "models"]))
+    monkeypatch.setenv("COLUMNS", "100")
+    output = tmp_path / "new" / "folder"
+    size = ["--width", "8", "--height", "8", "--robots", "3"]
+    command = ["frontier", "--cases", "3", "--temperatures", "0.5", "2", "--output", str(output), *size]
+    assert cli.main(command) == 0
+    printed = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert [line[:2] for line in printed[2:]] == [["first", "0.5"], ["first", "2"], ["second", "0.5"], ["second", "2"]]
+    assert sorted(file.name for file in output.iterdir()) == ["frontier.csv", "frontier.png"]
+    with (output / "frontier.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert {(row["first_case"], row["width"], row["cases"]) for row in rows} == {(str(SPLITS["valid"].start), "8", "3")}
+    assert (shades(output / "frontier.png") < 128).any()
+    assert cli.main([*command, "--policy", "second"]) == 0
+    assert "first" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--temperatures", "0"], "temperature 0.0 is not within 0.01 and 100"),
+        (["--cases", "5000"], "the split valid has 4500 cases, not 5000"),
+        (["--policy", "nothing"], "no policy 'nothing'"),
+    ],
+)
+def test_what_cannot_be_done_is_said(
+    policies: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any, arguments: list[str],
+    said: str,
+) -> None:  # fmt: skip
+    monkeypatch.setattr(models, "model_folders", lambda: iter([tmp_path / "models"]))
+    assert cli.main(["frontier", "--output", str(tmp_path / "out"), *arguments]) == 1
+    assert said in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "out").exists()

@@ -36,6 +36,10 @@ frontier: setup ## Success against flowtime over temperatures, into docs/ (ARGS=
 bench-training: setup ## Observations a second in training, and what takes how long
 	@$(BIN)/magat bench-training $(ARGS)
 
+.PHONY: bench-runtime
+bench-runtime: setup ## How fast a team ticks, by radio and processes (ARGS="--teams 10x1" chooses)
+	@$(BIN)/magat bench-runtime $(ARGS)
+
 .PHONY: lint
 lint: setup ## Check style, format and types
 	@$(BIN)/ruff check .

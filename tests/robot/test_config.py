@@ -114,11 +114,14 @@ def test_each_round_of_each_layer_has_its_size_of_messages(
         {"temperature": 0.0},
         {"temperature": 1000.0},
         {"temperature": float("nan")},
+        {"encoding": ""},
+        {"encoding": "float64"},
+        {"encoding": "INT8"},
     ],
     ids=repr,
 )
 def test_values_out_of_range_are_refused(values: dict) -> None:
-    with pytest.raises(ModelError, match=r"sizes lie|at most 16|the limit is 4096|temperature"):
+    with pytest.raises(ModelError, match=r"sizes lie|at most 16|the limit is 4096|temperature|float32, float16, int8"):
         PolicyConfig(**values)
 
 
@@ -134,6 +137,8 @@ def test_values_out_of_range_are_refused(values: dict) -> None:
         {"layers": 4, "taps": 5},
         {"temperature": 0.01},
         {"temperature": 100.0},
+        {"encoding": "float16"},
+        {"encoding": "int8"},
     ],
     ids=repr,
 )
@@ -143,10 +148,27 @@ def test_values_at_the_ends_of_their_ranges_are_allowed(values: dict) -> None:
 
 
 def test_a_configuration_survives_json() -> None:
-    config = PolicyConfig("GNN-B-32-P4", (8, 12, 16), hidden=48, taps=3, layers=2, normalise=False, temperature=0.5)
+    sizes = {"hidden": 48, "taps": 3, "layers": 2, "normalise": False}
+    config = PolicyConfig("GNN-B-32-P4", (8, 12, 16), **sizes, encoding="int8", temperature=0.5)
     values = config.to_json()
     assert PolicyConfig.from_json(values) == PolicyConfig.from_json(json.loads(json.dumps(values))) == config
     assert json.loads(json.dumps(values)) == values  # plain values: no tuples
+
+
+@pytest.mark.parametrize(
+    ("name", "sizes", "largest"),
+    [
+        ("MAGAT-F-8", {"taps": 3, "layers": 2}, 8),
+        ("GAT-F-8", {"normalise": False, "taps": 3}, 8),
+        ("GNN-F-8", {"taps": 3}, 8),
+        # What is sent in the first round has not been added up yet.
+        ("GNN-F-8", {"normalise": False}, 8),
+        ("GNN-F-8", {"normalise": False, "taps": 3}, 2048),
+        ("GNN_baseline-F-8", {"normalise": False, "taps": 3}, 2048),
+    ],
+)
+def test_only_bare_sums_over_neighbours_make_messages_of_large_numbers(name: str, sizes: dict, largest: float) -> None:
+    assert PolicyConfig(name, **sizes).largest == largest
 
 
 def test_a_whole_number_may_be_a_temperature() -> None:
@@ -183,6 +205,9 @@ def test_a_whole_number_may_be_a_temperature() -> None:
         {"normalise": 0},
         {"normalise": "true"},
         {"normalise": None},
+        {"encoding": None},
+        {"encoding": 1},
+        {"encoding": ["int8"]},
         {"temperature": "hot"},
         {"temperature": True},
         {"temperature": None},
@@ -204,7 +229,9 @@ def test_numbers_out_of_range_are_refused_in_json_too(change: dict) -> None:
         PolicyConfig.from_json(PolicyConfig().to_json() | change)
 
 
-@pytest.mark.parametrize("key", ["name", "channels", "hidden", "taps", "layers", "normalise", "temperature"])
+@pytest.mark.parametrize(
+    "key", ["name", "channels", "hidden", "taps", "layers", "normalise", "encoding", "temperature"]
+)
 def test_a_missing_key_is_refused(key: str) -> None:
     values = PolicyConfig().to_json()
     del values[key]

@@ -135,6 +135,48 @@ def test_the_weights_of_attention_are_whole_numbers_so_that_their_sums_have_no_o
     assert len(weights.unique()) > 20
 
 
+@pytest.mark.parametrize("large", [False, True], ids=["as trained", "as large as may be"])
+@pytest.mark.parametrize("name", ["MAGAT-F-8-P3", "GAT-F-8-P3"])
+def test_scores_of_attention_are_exact_sums(random_network: Callable, name: str, large: bool) -> None:
+    layer = deploy(random_network(name)).layers[0]
+    weights = layer.query.weight if name.startswith("MAGAT") else layer.folded
+    if large:
+        weights.copy_(fp.snap_float64(weights * (0.999 * 2**16 / weights.abs().sum()), name))
+    x, keys = on_grid(4, 8).double(), on_grid(4, 3, 8, seed=1).double()
+    scores, queries = layer.scores(x, keys), []
+    for r, p, m in np.ndindex(4, 3, 3):
+        own, key = ([Fraction(value) for value in values.tolist()] for values in (x[r], keys[r, m]))
+        if name.startswith("MAGAT"):
+            rows = weights[p * 8 : p * 8 + 8].tolist()
+            query = [sum(Fraction(w) * value for w, value in zip(row, own, strict=True)) for row in rows]
+            # To the nearest multiple of 1/64, half to even, up to 64.
+            query = [min(max(Fraction(round(64 * value), 64), Fraction(-64)), Fraction(64)) for value in query]
+            queries += query
+            exact = sum(q * value for q, value in zip(query, key, strict=True))
+        else:
+            receiver, sender = weights[0, p].tolist(), weights[1, p].tolist()
+            exact = sum(
+                Fraction(a) * mine + Fraction(b) * theirs
+                for a, mine, b, theirs in zip(receiver, own, sender, key, strict=True)
+            )
+        assert Fraction(float(scores[r, p, m])) == exact
+    assert not queries or large == (64 in queries)
+
+
+def test_logits_are_multiples_of_a_256th_and_no_larger_than_64(random_network: Callable, variant: dict) -> None:
+    network = random_network(**variant)
+    view = (torch.rand(20, 3, 11, 11, generator=torch.Generator().manual_seed(5)) < 0.2).float()
+    heard = (torch.arange(20)[:, None] + torch.arange(1, 4)) % 20
+    logits = deploy(network)(view, heard)
+    with torch.no_grad():
+        network.action.weight.mul_(200)
+    larger = deploy(network)(view, heard)
+    for values in (logits, larger):
+        assert torch.equal(values * 256, (values * 256).round())
+    assert 0.5 < logits.abs().max() < 20
+    assert larger.max() == -larger.min() == 64
+
+
 def test_attention_folded_into_two_vectors_does_not_show_in_which_order_they_were_added_up(
     random_network: Callable,
 ) -> None:

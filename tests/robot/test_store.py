@@ -1,5 +1,6 @@
 """Policy folders: what was saved decides as before; what is damaged is refused by the name of the file."""
 
+import dataclasses
 import hashlib
 import json
 from collections.abc import Callable
@@ -48,6 +49,26 @@ def test_a_loaded_policy_decides_as_the_saved_one_to_the_last_bit(
     before, after = Policy(network).decide_together(*arguments), policy.decide_together(*arguments)
     assert after.weights.tobytes() == before.weights.tobytes()
     assert after.primitives.tolist() == before.primitives.tolist()
+
+
+def test_a_policy_may_be_deployed_with_another_encoding_and_temperature(folder: Path) -> None:
+    stored = load(folder)
+    policy = load(folder, encoding="int8", temperature=0.5)
+    assert (stored.config.encoding, stored.config.temperature) == ("float32", 1.0)
+    assert policy.config == dataclasses.replace(stored.config, encoding="int8", temperature=0.5)
+    assert policy.digest == stored.digest, "the weights are the same"
+
+
+def test_the_encoding_of_a_policys_messages_is_stored(random_network: Callable, tmp_path: Path) -> None:
+    save(random_network("MAGAT-F-16", encoding="float16"), tmp_path, "")
+    assert load(tmp_path).config.encoding == "float16"
+    assert load(tmp_path, encoding="float32").config.encoding == "float32"
+
+
+@pytest.mark.parametrize("change", [{"encoding": "morse"}, {"temperature": 0.0}], ids=repr)
+def test_a_deployment_that_is_out_of_range_is_refused(folder: Path, change: dict) -> None:
+    with pytest.raises(ModelError, match=r"encoding 'morse'|temperature 0.0"):
+        load(folder, **change)
 
 
 def test_what_was_trained_is_stored_and_nothing_that_deployment_makes_of_it(
@@ -209,6 +230,8 @@ def test_a_damaged_configuration_is_refused_by_the_name_of_its_file(folder: Path
         pytest.param(lambda stored: stored["policy"].update(layers=True), id="a truth value for a number"),
         pytest.param(lambda stored: stored["policy"].update(normalise=1), id="a number for a truth value"),
         pytest.param(lambda stored: stored["policy"].pop("taps"), id="no taps"),
+        pytest.param(lambda stored: stored["policy"].pop("encoding"), id="no encoding"),
+        pytest.param(lambda stored: stored["policy"].update(encoding="morse"), id="an unknown encoding"),
         pytest.param(lambda stored: stored["policy"].update(name="GAT-X"), id="an unknown policy"),
         pytest.param(lambda stored: stored.pop("sha256"), id="no digest"),
         pytest.param(lambda stored: stored.update(sha256=None), id="an empty digest"),

@@ -73,3 +73,47 @@ def test_nonsense_is_dropped_and_the_robot_may_still_answer(episode):
     assert episode.answer(tag, Wish(0, 0, 0)) is None
     assert "second" in str(episode.answer(tag, Wish(1, 0, 0)))
     assert episode.advance().wanted[0] == 0
+
+
+def test_what_is_relayed_reaches_the_neighbours_that_are_present(episode):
+    heard = neighbours(np.zeros(ROBOTS, dtype=np.int64), episode.simulator.position)
+    assert 0 < (heard >= 0).sum() < ROBOTS * (ROBOTS - 1)
+    for present in (ALL, np.arange(ROBOTS) % 2 == 0):
+        sights = episode.look(present)
+        for number in range(2):
+            for robot in np.flatnonzero(present)[::-1]:
+                assert not episode.relay.complete
+                assert episode.relay.receive(number, sights[robot].own_tag, 0, bytes([robot])) is None
+            assert episode.relay.complete
+            for row, bundle in zip(heard, episode.relayed(), strict=True):
+                assert sorted(bundle.payloads) == [bytes([j]) for j in row if j >= 0 and present[j]]
+
+
+def test_what_is_relayed_is_as_much_as_was_announced(episode):
+    sights = episode.look(ALL)
+    for sight in sights:
+        episode.relay.receive(0, sight.own_tag, 0, b"x")
+    assert [len(bundle.payloads) for bundle in episode.relayed()] == [len(sight.audible_tags) for sight in sights]
+
+
+def test_relaying_changes_nothing_that_robots_draw_or_the_shield_decides(episode):
+    case = draw_case(5, 0, 12, 12, ROBOTS)
+    direct = Episode(case, 50, episode_streams(5, 0, ROBOTS))
+    for _ in range(10):
+        for run in (direct, episode):
+            sights = run.look(ALL)
+            if run is episode:
+                run.relayed()
+            for robot, sight in enumerate(sights):
+                run.answer(sight.own_tag, Wish(robot % 5, 0, 0))
+            run.advance()
+        np.testing.assert_array_equal(episode.simulator.position, direct.simulator.position)
+        streams = (run.simulator.observe().streams for run in (episode, direct))
+        np.testing.assert_array_equal(*streams)
+
+
+def test_tags_of_the_tick_before_are_not_relayed(episode):
+    old = episode.look(ALL)
+    new = episode.look(ALL)
+    assert "not given out" in str(episode.relay.receive(0, old[0].own_tag, 0, b"x"))
+    assert episode.relay.receive(0, new[0].own_tag, 0, b"x") is None

@@ -2,14 +2,23 @@
 
 import array
 import collections
+import os
+import re
+import subprocess
+import sys
+import types
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
 
+from magat_bringup.client import EpisodeClient
+from magat_bringup.environment import loopback, own_domain
 from magat_bringup.processes import TeamError
-from magat_interfaces.msg import Feature, Observation, Preference, RobotStatus
+from magat_interfaces.action import RunEpisode
+from magat_interfaces.msg import Feature, FeatureBundle, Observation, Preference, RobotStatus
 from magat_interfaces.srv import SolveMapf
-from magat_node import qos
+from magat_node import cdr, qos
 from magat_training.cases import SPLITS
 
 pytestmark = pytest.mark.system
@@ -17,10 +26,32 @@ pytestmark = pytest.mark.system
 CASE = SPLITS["test"][8]
 
 
-class Saboteur:
+class Guest:
+    """Speaks and listens beside a team, in a ``with`` statement: at its end nothing of it is left in the domain."""
+
+    def __init__(self, client):
+        self._node = client.node
+        self._before = self._ends()
+
+    def _ends(self):
+        return [*self._node.publishers], [*self._node.subscriptions], [*self._node.timers]
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        destroy = (self._node.destroy_publisher, self._node.destroy_subscription, self._node.destroy_timer)
+        for end, now, before in zip(destroy, self._ends(), self._before, strict=True):
+            for one in now:
+                if one not in before:
+                    end(one)
+
+
+class Saboteur(Guest):
     """Answers every message that it overhears with bad ones, as fast as they come."""
 
     def __init__(self, team):
+        super().__init__(team.client)
         node = team.client.node
         self.sent = collections.Counter()
         self.status = {}
@@ -29,15 +60,20 @@ class Saboteur:
         self._feature = node.create_publisher(Feature, "/feature", depth)
         self._preference = node.create_publisher(Preference, "/preference", depth)
         self._observation = node.create_publisher(Observation, "/robot_0/observation", depth)
-        node.create_subscription(Feature, "/feature", self._on_feature, depth)
+        self._heard = node.create_publisher(FeatureBundle, "/robot_0/heard", depth)
+        # It hears its own messages too, and some of them nobody can read.
+        node.create_subscription(Feature, "/feature", self._on_feature, depth, raw=True)
+        node.create_subscription(FeatureBundle, "/robot_0/heard", self._on_heard, depth, raw=True)
         node.create_subscription(Observation, "/robot_0/observation", self._on_observation, depth)
         node.create_subscription(RobotStatus, "/robot_status", self._on_status, qos.reliable(100))
 
     def _on_status(self, message):
-        self.status[message.robot] = message
+        for name in message.robots:
+            self.status[name] = message
 
-    def _on_feature(self, heard):
-        if heard.tick == Observation.HELLO or heard.encoding == 99 or len(heard.payload) != 512:
+    def _on_feature(self, data):
+        heard = cdr.unpack_feature(data)
+        if heard is None or heard.tick == Observation.HELLO or heard.encoding == 99 or len(heard.payload) != 512:
             return
         # The tag is taken by the time this comes: a repetition, and with another payload to boot.
         if heard.tag in self.sent:
@@ -45,23 +81,26 @@ class Saboteur:
         self.sent[heard.tag] += 1
 
         def send(kind, **changes):
-            message = Feature(episode=heard.episode, tick=heard.tick, tag=heard.tag, payload=heard.payload)
-            for name, value in changes.items():
-                setattr(message, name, value)
-            self.sent[message.tag] += 1  # it hears its own messages too, and must not answer them
-            self._feature.publish(message)
+            message = heard._replace(**changes)
+            self.sent[message.tag] += 1  # or it would answer its own messages
+            self._feature.publish(cdr.pack_feature(*message))
             self.sent[kind] += 1
 
         send("repeated")
         send("late", tick=max(heard.tick - 3, 0), tag=int(self._rng.integers(2**63)))
         send("early", tick=heard.tick + 1000, tag=int(self._rng.integers(2**63)))
         send("foreign", episode=heard.episode + 1, tag=int(self._rng.integers(2**63)))
-        send("short", payload=array.array("B", b"abc"))
-        send("empty", payload=array.array("B"))
-        send("nan", payload=array.array("B", np.full(128, np.nan, "<f4").tobytes()))
-        send("huge", payload=array.array("B", np.full(128, 1e30, "<f4").tobytes()))
+        send("short", payload=b"abc")
+        send("empty", payload=b"")
+        send("nan", payload=np.full(128, np.nan, "<f4").tobytes())
+        send("huge", payload=np.full(128, 1e30, "<f4").tobytes())
         send("encoding", encoding=99)
+        send("round", round=1)
         send("round", round=7)
+        send("hello", episode=0, tick=Observation.HELLO, payload=b"\xff" * 4)
+        send("hello", episode=0, tick=Observation.HELLO, payload=b"")
+        for damaged in (data[:20], data[:-1], b"", b"\0\0\0\0" + data[4:], b"\xff" * 600):
+            self._feature.publish(damaged)
         for wrong in (
             Preference(episode=heard.episode, tick=heard.tick, tag=heard.tag + 1, primitive=3),
             Preference(episode=heard.episode + 1, tick=heard.tick, tag=heard.tag, primitive=3),
@@ -69,6 +108,17 @@ class Saboteur:
             Preference(episode=heard.episode, tick=heard.tick, tag=heard.tag, primitive=200),
         ):
             self._preference.publish(wrong)
+
+    def _on_heard(self, data):
+        heard = cdr.unpack_bundle(data)
+        if heard is None or heard.encoding == 99 or heard.round or (heard.episode, heard.tick) in self.sent:
+            return
+        self.sent[heard.episode, heard.tick] += 1
+        # What robot 0 heard is there by the time these come.
+        for number, encoding, payloads in ((0, 0, []), (0, 0, [bytes(512)]), (1, 0, []), (0, 99, [bytes(512)])):
+            self._heard.publish(cdr.pack_bundle(heard.episode, heard.tick, number, encoding, payloads))
+        self._heard.publish(data[:-1])
+        self.sent["bundle"] += 1
 
     def _on_observation(self, heard):
         if heard.tick == Observation.HELLO or len(heard.field_of_view) != 363 or heard.tick in self.sent:
@@ -80,20 +130,116 @@ class Saboteur:
         self.sent["observation"] += 1
 
 
-def test_a_saboteur_on_every_topic_changes_nothing(start_team):
-    with start_team(4) as team:
+@pytest.mark.parametrize(("radio", "crew"), [("direct", 1), ("relayed", 2)])
+def test_a_saboteur_on_every_topic_changes_nothing(start_team, radio, crew):
+    with start_team(4, radio=radio, crew=crew) as team:
         goal = team.goal(CASE)
-        clean = team.run(goal)
-        saboteur = Saboteur(team)
-        # The saboteur's copies reach robots only once it is matched with them; its own tags prove that it heard them.
-        for _ in range(5):
-            harassed = team.run(goal)
-            assert (harassed.result.silent, harassed.result.features_missing) == (0, 0)
-            np.testing.assert_array_equal(harassed.recording.positions, clean.recording.positions)
-        assert min(saboteur.sent[kind] for kind in ("repeated", "nan", "short", "observation")) > 5
-        assert team.client.spin(
-            lambda: len(saboteur.status) == 4 and all(s.messages_dropped > 5 for s in saboteur.status.values()), 20.0
-        )
+        clean = team.run_undisturbed(goal)
+        with Saboteur(team) as saboteur:
+            # Its copies reach robots only once it is matched with them; the tags prove that it heard them.
+            for _ in range(5):
+                harassed = team.run_undisturbed(goal)
+                assert (harassed.result.silent, harassed.result.features_missing) == (0, 0)
+                np.testing.assert_array_equal(harassed.recording.positions, clean.recording.positions)
+            assert min(saboteur.sent[kind] for kind in ("repeated", "nan", "short", "hello", "observation")) > 5
+            assert saboteur.sent["bundle"] > 5 or radio == "direct"
+            # What is relayed the simulator drops, for all of them; robot_0 is sent bad bundles, too.
+            reached = [f"robot_{i}" for i in range(4 if radio == "direct" else crew)]
+            assert team.client.spin(
+                lambda: (
+                    saboteur.status.keys() >= set(reached)
+                    and all(saboteur.status[name].messages_dropped > 5 for name in reached)
+                ),
+                20.0,
+            ), saboteur.status
+
+
+def test_no_hello_makes_a_robot_hear_fewer_others(team):
+    """Whatever number of robots a stranger says that it carries."""
+    most = 2**32 - 1
+    with Guest(team.client):
+        stranger = team.client.node.create_publisher(Feature, "/feature", qos.newest(10))
+        assert team.client.spin(lambda: stranger.get_subscription_count() == team.robots, 20.0)
+
+        def counted():
+            stranger.publish(cdr.pack_feature(0, Observation.HELLO, 0, 5, 0, most.to_bytes(4, "little")))
+            return {status.peers_heard for status in team.statuses().values()} == {most}
+
+        assert team.client.spin(counted, 20.0)
+
+
+@pytest.fixture
+def lone_simulator(tmp_path):
+    """Starts a simulator of three robots, with nobody there: a client, and the process."""
+
+    @contextmanager
+    def start(radio):
+        with own_domain() as domain:
+            environment = os.environ | loopback(domain)
+            environment.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None)
+            parameters = ["-p", "robots:=[alice, bob, carol]", "-p", f"radio:={radio}", "-p", "ready_timeout:=2.5"]
+            command = [sys.executable, "-m", "magat_sim.node", "--ros-args", *parameters]
+            with subprocess.Popen(command, env=environment) as process:
+                watched = types.SimpleNamespace(check=lambda: None)
+                try:
+                    with EpisodeClient(watched, domain) as client:
+                        client.wait_for_simulator()
+                        yield client
+                finally:
+                    process.terminate()
+
+    return start
+
+
+class Pretender(Guest):
+    """Says hello for three robots, and what they carry; bob's equipment may differ."""
+
+    def __init__(self, client):
+        super().__init__(client)
+        node = client.node
+        self.differs = {}
+        self._answer = node.create_publisher(Preference, "/preference", qos.newest(10))
+        self._report = node.create_publisher(RobotStatus, "/robot_status", qos.reliable(10))
+        for name in ("alice", "bob", "carol"):
+            node.create_subscription(Observation, f"/{name}/observation", self._on_hello, qos.newest(10))
+        node.create_timer(0.1, self._on_beat)
+
+    def _on_hello(self, hello):
+        self._answer.publish(Preference(tick=Observation.HELLO, tag=hello.own_tag))
+
+    def _on_beat(self):
+        equipment = {"digest": "0" * 64, "encoding": "float32", "radio": "direct", "peers_heard": 2}
+        self._report.publish(RobotStatus(robots=["alice", "carol"], **equipment))
+        self._report.publish(RobotStatus(robots=["bob"], **equipment | self.differs))
+
+
+def test_robots_that_do_not_fit_together_are_refused_by_name(lone_simulator):
+    goal = RunEpisode.Goal(seed=1, number=0, width=9, height=9, density=0.1, t_max=2)
+    zeros = "0" * 12
+
+    def refused(client):
+        try:
+            assert client.run(goal, lambda _: None).result.ticks == 2
+        except TeamError as error:
+            return str(error)
+        return "all is well"
+
+    def says(client, said, pretender, **differs):
+        pretender.differs = differs
+        # The simulator may not have heard of it yet.
+        return client.spin(lambda: re.search(said, refused(client)), 20.0)
+
+    others = f"does not fit together .*alice, carol: policy {zeros}, float32, direct radio; bob: "
+    with lone_simulator("direct") as client, Pretender(client) as pretender:
+        # It is deaf, and the reason is given with its name.
+        deaf = f"not there after 2.5 s: bob; .*{others}policy {zeros}, float32, relayed radio"
+        assert says(client, deaf, pretender, radio="relayed", peers_heard=0)
+        assert says(client, f"{others}policy {zeros}, int8, direct radio", pretender, encoding="int8")
+        assert says(client, f"{others}policy {'1' * 12}, float32, direct radio", pretender, digest="1" * 64)
+        assert says(client, "all is well", pretender)
+    with lone_simulator("relayed") as client, Pretender(client) as pretender:
+        said = rf"simulator's radio is relayed; .*{others.partition('.*')[2]}policy {zeros}, float32, relayed radio"
+        assert says(client, said, pretender, radio="relayed")
 
 
 def test_an_impossible_case_is_answered_with_its_reason(team):

@@ -10,9 +10,15 @@ import time
 import numpy as np
 import psutil
 import pytest
+import rclpy
+from rclpy.parameter import Parameter
 
+from magat_bringup.environment import own_domain
 from magat_bringup.processes import TeamError
 from magat_expert import check_paths
+from magat_robot.node import RobotNode
+from magat_robot.processes import _carrying
+from magat_robot.processes import main as robots
 from magat_training.cases import SPLITS
 
 pytestmark = pytest.mark.system
@@ -43,6 +49,37 @@ def test_a_robot_killed_in_mid_episode_stays_in_the_world_and_nobody_runs_into_i
         assert result.ticks_per_second > 2, "two deadlines of a second, and then nobody waits for the dead"
         with pytest.raises(TeamError, match="not there after"):
             team.client.run(team.goal(CASE), lambda _: None)
+
+
+def test_a_crew_killed_in_mid_episode_takes_its_robots_with_it_and_nobody_else(start_team):
+    with start_team(6, crew=2, radio="relayed") as team:
+        victims = []
+
+        def kill_at_tick_three(feedback):
+            if feedback.tick == 3 and not victims:
+                victims.append(team.processes.pids("robots")[0])
+                os.kill(victims[0], signal.SIGKILL)
+
+        outcome = team.run(team.goal(CASE, t_max=40), kill_at_tick_three)
+        assert len(team.processes.pids("robots")) == 2
+        worlds = [outcome.recording.worlds[tick] for tick in range(8, outcome.result.ticks + 1)]
+        silent = [{i for i in range(6) if world.silent[i]} for world in worlds]
+        assert silent[0] in ({0, 1}, {2, 3}, {4, 5})
+        assert all(silent[0] <= now for now in silent)
+        # Another one may be late where the machine is busy with other things.
+        assert sum(now == silent[0] for now in silent) > 0.5 * len(silent)
+        dead = sorted(silent[0])
+        assert (outcome.recording.positions[8:, dead] == outcome.recording.positions[8, dead]).all()
+        complaints = check_paths(
+            outcome.recording.obstacles,
+            outcome.recording.positions[0],
+            outcome.recording.positions[-1],
+            outcome.recording.positions,
+        )
+        assert complaints == []
+        # What the dead would say is not waited for, and missed by nobody.
+        assert outcome.result.features_missing < 150
+        assert outcome.result.ticks_per_second > 2
 
 
 def test_a_stopped_and_continued_robot_takes_part_again(start_team):
@@ -123,6 +160,53 @@ def test_a_robot_started_alone_walks_the_same_path(start_team, policy_folder):
                 alone.send_signal(signal.SIGINT)
             assert alone.wait(10) == 0
         np.testing.assert_array_equal(positions, forked)
+
+
+def test_robots_of_one_team_can_share_a_process_and_others_cannot():
+    assert _carrying(["alice"]) == ["-r", "__ns:=/alice"]
+    assert _carrying(["/warehouse/alice/"]) == ["-r", "__ns:=/warehouse/alice"]
+    # Shared topics lie in the team's namespace, whichever way its robots are carried.
+    assert _carrying(["alice", "bob"]) == ["-r", "__ns:=/", "-p", "robots:=[alice,bob]"]
+    crew = ["-r", "__ns:=/hall/left", "-p", "robots:=[alice,bob]"]
+    assert _carrying(["hall/left/alice", "/hall/left/bob"]) == crew
+    with pytest.raises(ValueError, match="of different teams"):
+        _carrying(["left/alice", "right/bob"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [(["--crew", "0", "a"], "at least 1"), (["--crew", "2", "left/a", "right/b"], "of different teams")],
+    ids=["nobody", "two teams"],
+)
+def test_crews_that_cannot_be_are_refused_before_any_process_starts(arguments, said, capsys):
+    with pytest.raises(SystemExit) as ended:
+        robots(arguments)
+    assert ended.value.code == 2
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("namespace", "parameters", "said"),
+    [
+        ("", {}, "its name: start it with -r __ns:=/NAME"),
+        ("", {"robots": ["a", "b", "a"]}, "name none twice"),
+        ("/a", {"radio": "pigeon"}, "radio is 'pigeon'"),
+        ("/a", {"encoding": "morse"}, "encoding is 'morse'"),
+    ],
+    ids=["no name", "a name twice", "no radio", "no encoding"],
+)
+def test_a_robot_that_cannot_be_says_why(policy_folder, namespace, parameters, said):
+    context = rclpy.Context()
+    with own_domain() as domain:
+        rclpy.init(args=[], context=context, domain_id=domain)
+        overrides = [
+            Parameter(name, value=value) for name, value in ({"policy": str(policy_folder)} | parameters).items()
+        ]
+        try:
+            with pytest.raises(ValueError, match=re.escape(said)):
+                RobotNode(context=context, namespace=namespace, parameter_overrides=overrides)
+        finally:
+            context.try_shutdown()
 
 
 def _until_missed(team):

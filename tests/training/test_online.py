@@ -158,15 +158,16 @@ def test_goals_that_were_visited_and_left_again_are_no_failure() -> None:
 
 @BOTH
 def test_what_the_expert_gives_up_on_is_left_out(correct: Callable) -> None:
-    corridor, ends = np.zeros((1, 5), dtype=bool), np.array([[0, 0], [4, 0]])
+    corridor = np.zeros((1, 6), dtype=bool)
+    ends, apart, together = np.array([[[0, 0], [5, 0]], [[1, 0], [4, 0]], [[2, 0], [3, 0]]])
     # How long an episode lasts, and what it is measured by, comes from paths; here they need not be true.
     passing = SolvedCase(1, Case(corridor, ends, ends[::-1]), np.array([ends, ends[::-1]]))
-    closing = SolvedCase(2, Case(corridor, ends, ends - [[-1, 0], [1, 0]]), np.array([ends, ends - [[-1, 0], [1, 0]]]))
+    closing = SolvedCase(2, Case(corridor, apart, together), np.array([apart, together]))
     assert solution(passing, ends) is None
     lesson = correct(Follower([], seed=0), [passing, closing, passing], [0, 1, 2], seed=0)
     assert [episode.success for episode in lesson.episodes] == [False] * 3
     corrected = list(rows(lesson.instants))
-    assert corrected[0] == (1, [[0, 0], [4, 0]], [[1, 0], [3, 0]])
+    assert corrected[0] == (1, [[1, 0], [4, 0]], [[2, 0], [3, 0]])
     assert {case for case, _, _ in corrected} == {1}
     nothing = correct(Follower([], seed=0), [passing, closing], [0, 0], seed=0)
     assert nothing.instants is None

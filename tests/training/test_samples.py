@@ -84,6 +84,16 @@ def test_joined_instants_are_those_of_all_parts_in_order(solved: list[SolvedCase
     assert contents(Instants.join(parts[:1])) == contents(parts[0])
 
 
+def test_instants_are_taken_by_their_places_more_than_once_and_in_any_order(solved: list[SolvedCase]) -> None:
+    instants = everything(solved)
+    taken = instants.take(np.array([7, 0, 7]))
+    for name, array in vars(taken).items():
+        whole = getattr(instants, name)
+        assert array.tolist() == [whole[7].tolist(), whole[0].tolist(), whole[7].tolist()]
+        assert array.dtype == whole.dtype
+    assert len(instants.take(np.array([], dtype=np.int64))) == 0
+
+
 def test_a_sample_is_an_instant_of_the_experts_way_turned_by_a_symmetry(solved: list[SolvedCase]) -> None:
     # Each instant in each of its eight attitudes, keyed by what is seen.
     known = {}
@@ -151,6 +161,15 @@ def test_every_instant_and_every_symmetry_comes_equally_often() -> None:
                 counts[places[key]] += 1
         expected = len(part) / (8 * instants)
         assert np.abs(counts[:-1] - expected).max() < 5 * np.sqrt(expected)
+
+
+def test_every_instant_of_a_long_share_comes_beside_a_short_one(solved: list[SolvedCase]) -> None:
+    long = Instants.of_paths([solved[1].paths[:-1]], [1])
+    short = Instants.of_paths([solved[6].paths[:1]], [6])
+    way = [set(attitudes(view)) for view, _, _ in walked(solved[1])]
+    for shares in ([(long, 300), (short, 20)], [(short, 20), (long, 300)]):
+        keys = set(seen(Sampler(solved).batch(np.random.default_rng(3), shares)))
+        assert all(keys & instant for instant in way)
 
 
 @pytest.mark.parametrize("counts", [(12, 20), (1, 7), (0, 6), (5, 0)])

@@ -2,6 +2,8 @@
 
 import json
 import pickle
+import re
+import shutil
 import struct
 import subprocess
 import sys
@@ -73,19 +75,19 @@ def without_times(log: list[dict]) -> str:
     return json.dumps([{key: value for key, value in record.items() if key != "seconds"} for record in log])
 
 
-def curves(folder: Path) -> dict[str, dict[int, float]]:
-    """What TensorBoard shows of a run, value by name and step.
+def curves(folder: Path) -> dict[str, list[tuple[int, float]]]:
+    """What TensorBoard shows of a run, steps and values by name.
 
     It reads file by file, in the order of their names, each up to a record that is torn. Wherever a session starts,
     what came before with the same step or a later one is hidden.
     """
-    shown: dict[str, dict[int, float]] = {}
+    shown: dict[str, list[tuple[int, float]]] = {}
     for file in sorted((folder / "tensorboard").iterdir()):
         for event in events(file.read_bytes()):
             if event.session_log.status == SessionLog.START:
-                shown = {name: {s: v for s, v in curve.items() if s < event.step} for name, curve in shown.items()}
+                shown = {name: [point for point in curve if point[0] < event.step] for name, curve in shown.items()}
             for value in event.summary.value:
-                shown.setdefault(value.tag, {})[event.step] = value.simple_value
+                shown.setdefault(value.tag, []).append((event.step, value.simple_value))
     return {name: curve for name, curve in shown.items() if curve}
 
 
@@ -113,7 +115,7 @@ def check_same(broken: Trainer, straight: Trainer) -> None:
     for curve in drawn:
         del curve["seconds"]
     assert drawn[0] == drawn[1]
-    assert list(drawn[0]["alpha"]) == [record["step"] for record in records(straight.folder)]
+    assert [step for step, _ in drawn[0]["alpha"]] == [record["step"] for record in records(straight.folder)]
     assert {file.name for file in broken.folder.iterdir()} == KEPT
 
 
@@ -196,11 +198,11 @@ def test_a_run_that_is_killed_again_and_again_ends_with_the_bits_of_another(
     tmp_path: Path, solved: list[SolvedCase]
 ) -> None:
     # It writes after every step, so that some of the moments lie within that.
-    config = replace(CONFIG, steps=16, validate_every=1, online_every=4)
+    config = replace(CONFIG, validate_every=1, online_every=4)
     valid = [min(solved[6:], key=lambda s: s.t_max)]
     parts = tmp_path / "parts.pickle"
     parts.write_bytes(pickle.dumps((config, solved[:6], valid)))
-    program = [sys.executable, "-c", LIVES, str(tmp_path / "killed"), str(parts), "6"]
+    program = [sys.executable, "-c", LIVES, str(tmp_path / "killed"), str(parts), "5"]
     done = subprocess.run(program, capture_output=True, text=True, timeout=90, check=True)
     ends = json.loads(done.stdout)
     assert set(ends) <= {-9, 0}, done.stderr
@@ -237,7 +239,10 @@ def test_a_validation_that_the_checkpoint_does_not_know_is_done_and_shown_once(
     monkeypatch.setattr(Trainer, "_save", pulled)
     with pytest.raises(PlugPulledError):
         trained(tmp_path, solved)
-    assert [record["step"] for record in records(tmp_path)] == list(curves(tmp_path)["alpha"]) == [4, 8]
+    assert [record["step"] for record in records(tmp_path)] == [step for step, _ in curves(tmp_path)["alpha"]] == [4, 8]
+    for file in (tmp_path / "tensorboard").iterdir():
+        # As if it had been a while ago: files are named by the second.
+        file.rename(file.with_name(re.sub(r"tfevents\.\d+", "tfevents.1000000000", file.name)))
     again = Trainer(CONFIG, tmp_path, solved[:6], solved[6:])
     assert [record["step"] for record in records(tmp_path)] == [4]
     again.run()
@@ -245,13 +250,39 @@ def test_a_validation_that_the_checkpoint_does_not_know_is_done_and_shown_once(
     check_same(again, straight("states"))
 
 
-def test_a_finished_run_is_not_trained_any_further(tmp_path: Path, solved: list[SolvedCase]) -> None:
-    first = trained(tmp_path, solved)
-    before = curves(tmp_path)
-    again = trained(tmp_path, solved)
+@pytest.mark.parametrize(("name", "number"), [("checkpoint", 2), ("best", 1)])
+def test_a_run_that_is_killed_while_it_writes_a_file_goes_on(
+    tmp_path: Path,
+    solved: list[SolvedCase],
+    straight: Callable,
+    monkeypatch: pytest.MonkeyPatch,
+    name: str,
+    number: int,
+) -> None:
+    written: list[str] = []
+
+    def tear(state: dict, path: Path, save: Callable = torch.save) -> None:
+        save(state, path)
+        written.append(path.stem)
+        if path.stem == name and written.count(name) == number:
+            path.write_bytes(path.read_bytes()[:1000])
+            raise PlugPulledError
+
+    monkeypatch.setattr(torch, "save", tear)
+    with pytest.raises(PlugPulledError):
+        trained(tmp_path, solved)
+    check_same(trained(tmp_path, solved), straight("states"))
+
+
+def test_a_finished_run_is_not_trained_any_further(
+    tmp_path: Path, solved: list[SolvedCase], straight: Callable
+) -> None:
+    first = straight("states")
+    shutil.copytree(first.folder, tmp_path / "copy")
+    again = trained(tmp_path / "copy", solved)
     assert weights(again) == weights(first)
-    assert len(records(tmp_path)) == 3
-    assert curves(tmp_path) == before
+    assert records(tmp_path / "copy") == records(first.folder)
+    assert curves(tmp_path / "copy") == curves(first.folder)
 
 
 def test_another_seed_gives_another_network(tmp_path: Path, solved: list[SolvedCase]) -> None:
@@ -284,7 +315,7 @@ def test_every_step_of_every_run_sees_instants_of_its_own(
 
     monkeypatch.setattr(Sampler, "batch", spy)
     for seed in (1, 2):
-        trained(tmp_path / str(seed), solved, replace(CONFIG, seed=seed, online="off"))
+        trained(tmp_path / str(seed), solved, replace(CONFIG, seed=seed, online="off", validate_every=12))
     assert len(seen) == len(set(seen)) == 2 * CONFIG.steps
 
 
@@ -316,7 +347,7 @@ def test_the_online_expert_is_asked_about_training_cases_that_differ_from_round_
 
     monkeypatch.setattr(train_module, "CORRECTIONS", {"states": spy})
     for seed in (5, 6):
-        trained(tmp_path / str(seed), solved, replace(CONFIG, seed=seed))
+        trained(tmp_path / str(seed), solved, replace(CONFIG, seed=seed, validate_every=12))
     assert all(len(set(chosen)) == 3 and set(chosen) <= set(range(6)) for _, chosen in asked)
     assert [step for step, _ in asked] == [4, 6, 8, 10] * 2  # an episode's randomness is not that of the round before
     rounds = [chosen for _, chosen in asked]
@@ -347,18 +378,18 @@ def test_the_online_expert_learns_of_the_policy_as_it_is(
 def test_lessons_of_old_states_are_forgotten_and_those_of_failures_are_not(
     tmp_path: Path, solved: list[SolvedCase], lessons: list[Lesson], online: str, kept: slice
 ) -> None:
-    config = replace(CONFIG, online=online, validate_every=1, online_rounds=2)
+    config = replace(CONFIG, online=online, validate_every=2)
     trainer = Trainer(config, tmp_path, solved[:6], solved[6:])
-    counts = [0] * 4
+    counts = [0] * 2
     expected = None
 
     def on_step(step: int, loss: float) -> None:
-        nonlocal expected
+        nonlocal counts, expected
         said = [lesson.instants for lesson in lessons if lesson.instants is not None]
         assert len(said) == len(lessons) == max(0, (step - 3) // 2)
         if said:
             expected = Instants.join(said[kept])
-            counts.append(len(expected))
+            counts += [len(expected)] * (step % 2 == 0)
             now = trainer._online
             assert all(np.array_equal(array, getattr(now, name)) for name, array in vars(expected).items())
 
@@ -485,11 +516,11 @@ def test_tensorboard_shows_what_is_in_the_log(straight: Callable) -> None:
         "alpha", "delta_ft", "loss", "moves_blocked", "online_alpha", "p_rg", "rate", "seconds"
     }  # fmt: skip
     for name in set(drawn) - {"rate"}:
-        expected = {record["step"]: pytest.approx(record[name]) for record in log if record[name] is not None}
-        assert drawn[name] == expected
-    assert list(drawn["online_alpha"]) == [8, 12]
+        expected = [(record["step"], record[name]) for record in log if record[name] is not None]
+        assert np.array(drawn[name]) == pytest.approx(np.array(expected))
+    assert [step for step, _ in drawn["online_alpha"]] == [8, 12]
     rates = [(CONFIG.first_rate - CONFIG.last_rate) * (1 + np.cos(np.pi * step / 12)) / 2 for step in (3, 7, 11)]
-    assert list(drawn["rate"].values()) == pytest.approx(np.array(rates) + CONFIG.last_rate)
+    assert [rate for _, rate in drawn["rate"]] == pytest.approx(np.array(rates) + CONFIG.last_rate)
 
 
 def test_a_run_knows_what_its_time_was_spent_on(tmp_path: Path, solved: list[SolvedCase]) -> None:
@@ -511,7 +542,7 @@ def test_a_run_knows_what_its_time_was_spent_on(tmp_path: Path, solved: list[Sol
 
 def test_the_best_weights_are_those_of_the_best_validation(tmp_path: Path, solved: list[SolvedCase]) -> None:
     snapshots: dict[int, dict] = {}
-    trainer = Trainer(replace(CONFIG, steps=24), tmp_path, solved[:6], solved[6:])
+    trainer = Trainer(replace(CONFIG, steps=16, online="off"), tmp_path, solved[:6], solved[6:])
     trainer.run(
         lambda step, _: snapshots.update({step: {n: t.clone() for n, t in trainer.network.state_dict().items()}})
     )
@@ -526,7 +557,8 @@ def test_the_best_weights_are_those_of_the_best_validation(tmp_path: Path, solve
 
 
 def test_the_learning_rate_falls_along_a_cosine(tmp_path: Path, solved: list[SolvedCase]) -> None:
-    trainer = Trainer(replace(CONFIG, first_rate=1e-2, last_rate=1e-4), tmp_path, solved[:6], solved[6:])
+    config = replace(CONFIG, last_rate=1e-4, online="off", validate_every=12)
+    trainer = Trainer(config, tmp_path, solved[:6], solved[6:])
     rates: list[float] = []
     trainer.run(lambda *_: rates.append(trainer._optimiser.param_groups[0]["lr"]))
     expected = [1e-4 + (1e-2 - 1e-4) * (1 + np.cos(np.pi * step / 12)) / 2 for step in range(12)]

@@ -42,6 +42,7 @@ PROGRAM = f"""
 import dataclasses, os, pickle, signal, socket, sys, time
 from pathlib import Path
 import torch
+from magat_training.online import CORRECTIONS
 from magat_training.samples import Sampler
 from magat_training.train import Trainer
 from magat_training.workers import Workers
@@ -73,6 +74,13 @@ def run():
         (folder / "late").touch()
     workers.wait()
     found["waited"] = (folder / "late").exists()
+
+    # Only the last one's episodes succeed.
+    def correct(*arguments, correct=CORRECTIONS["states"]):
+        lesson = correct(*arguments)
+        episodes = [dataclasses.replace(episode, success=rank == {COUNT - 1}) for episode in lesson.episodes]
+        return dataclasses.replace(lesson, episodes=episodes)
+    CORRECTIONS["states"] = correct
 
     # A run, each process with a folder of its own, so that it shows which of them writes.
     trainer = Trainer(config, folder / f"straight{{rank}}", train, valid, workers)
@@ -106,6 +114,7 @@ def run():
     trainer = Trainer(silent, folder / "silent", train, valid, workers)
     trainer.run()
     found["silent"] = weights(trainer)
+    found["whole"] = (folder / "silent" / "checkpoint.pt").exists()
 
     (folder / f"found{{rank}}.pickle").write_bytes(pickle.dumps(found))
     workers.leave()
@@ -214,7 +223,7 @@ def test_an_interrupted_run_of_several_ends_with_the_bits_of_an_uninterrupted_on
 
 def test_what_the_online_expert_says_to_one_is_said_to_all(found: list[dict[str, Any]]) -> None:
     assert [one["lessons"] for one in found] == [found[0]["lessons"]] * COUNT
-    assert [one["online_alpha"] for one in found] == [found[0]["online_alpha"]] * COUNT
+    assert [one["online_alpha"] for one in found] == [1 / CONFIG.online_cases] * COUNT
     # The lessons of two rounds, and in each round every case once.
     cases = [set(case) for case, _ in found[0]["lessons"]]
     assert len(cases) == 2 * COUNT
@@ -247,6 +256,10 @@ def test_gradients_are_the_mean_over_all_processes(found: list[dict[str, Any]]) 
 def test_a_team_that_does_not_talk_is_trained_together_too(found: list[dict[str, Any]]) -> None:
     for one in found:
         assert same(one["silent"], found[0]["silent"])
+
+
+def test_a_run_is_over_for_all_when_the_first_has_written_its_files(found: list[dict[str, Any]]) -> None:
+    assert all(one["whole"] for one in found)
 
 
 def test_a_process_alone_is_everyone(monkeypatch: pytest.MonkeyPatch) -> None:

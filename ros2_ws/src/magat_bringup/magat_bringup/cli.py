@@ -12,7 +12,9 @@ from magat_bringup import interruption
 from magat_bringup.environment import NoDomainError
 from magat_bringup.models import find_policy
 from magat_bringup.processes import TeamError
-from magat_robot.policy.config import ModelError
+from magat_bringup.team import TeamFileError
+from magat_robot.policy.config import ENCODINGS, ModelError
+from magat_robot.policy.deployment import BACKENDS
 from magat_sim.case import InvalidCaseError
 from magat_training.cases import SET_SEED, SPLITS
 from magat_training.data import DataSetError
@@ -31,7 +33,7 @@ def main(args: list[str] | None = None) -> int:
     except KeyboardInterrupt as interrupt:
         console.print(f"interrupted: {str(interrupt) or 'every process has ended'}")
         return INTERRUPTED
-    except (TeamError, ModelError, NoDomainError, InvalidCaseError, DataSetError) as error:
+    except (TeamError, TeamFileError, ModelError, NoDomainError, InvalidCaseError, DataSetError) as error:
         console.print(f"[bold red]magat:[/] {error}", highlight=False)
         return 1
 
@@ -49,6 +51,13 @@ def _parser() -> argparse.ArgumentParser:
         "--first", type=int, default=SPLITS["test"].start, help="number of the first case (default: unseen)"
     )
     run.add_argument("--output", type=Path, default=Path("runs/latest"), help="folder for results, pictures and logs")
+    run.add_argument("--team", type=Path, metavar="FILE", help="YAML file that names the robots (see config/team.yaml)")
+    run.add_argument("--crew", type=_positive, default=1, metavar="M", help="robots in each process (default: 1)")
+    run.add_argument("--radio", choices=["direct", "relayed"], default="direct", help="relayed: by the simulator")
+    run.add_argument("--encoding", choices=sorted(ENCODINGS), default="", help="of messages (default: the policy's)")
+    run.add_argument("--backend", choices=BACKENDS, default="torch", help="what computes the policy")
+    run.add_argument("--params", type=Path, metavar="FILE", help="ROS parameter file for every process")
+    run.add_argument("--view", action="store_true", help="publish map, markers, tf and diagnostics for RViz, Foxglove")
     run.add_argument("--require", type=int, default=0, metavar="N", help="fail unless N episodes are complete")
 
     evaluate = commands.add_parser("evaluate", help="score a policy on many cases, in one process")
@@ -117,6 +126,20 @@ def _parser() -> argparse.ArgumentParser:
     bench.add_argument("--seed", type=int, default=SET_SEED, help="of the cases")
     bench.add_argument("--time-limit", type=_seconds, default=60.0, metavar="SECONDS", help="of each search")
 
+    export = commands.add_parser("export", help="make a policy's form for onnxruntime, which robots run without torch")
+    export.set_defaults(execute=_export)
+    export.add_argument("policy", help="name of a policy in models/, or its folder")
+
+    runtime = commands.add_parser("bench-runtime", help="how fast a team ticks, by radio and processes")
+    runtime.set_defaults(execute=_bench_runtime)
+    runtime.add_argument("--policy", default="MAGAT-F-128", help="name of a policy in models/, or its folder")
+    runtime.add_argument(
+        "--teams", type=_team, nargs="+", metavar="PxM", help="processes x robots in each", default=[(10, 1), (20, 1),
+        (40, 1), (4, 10), (4, 50), (2, 500)]
+    )  # fmt: skip
+    runtime.add_argument("--radios", choices=["direct", "relayed"], nargs="+", default=["direct", "relayed"])
+    runtime.add_argument("--ticks", type=_positive, default=100, help="of each team, at least")
+
     bench_training = commands.add_parser(
         "bench-training", help="observations a second in training, and what takes how long"
     )
@@ -130,15 +153,51 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(options: argparse.Namespace, console: Console) -> int:
     from magat_bringup.run import RunPlan, run  # ROS is not needed, nor looked for, by the other commands
+    from magat_bringup.team import TeamFile
 
     plan = RunPlan(**{field.name: getattr(options, field.name) for field in dataclasses.fields(RunPlan)})
-    results = run(plan, console)
+    team = TeamFile.read(options.team) if options.team else TeamFile.numbered(options.robots, options.crew)
+    if options.backend == "onnx":
+        _exported(options.policy, console)
+    given = {name: getattr(options, name) for name in ("radio", "encoding", "backend", "params", "view")}
+    results = run(plan, console, team=team, **given)
     complete = sum(result.success for result in results)
     if complete < options.require:
         console.print(
             f"[bold red]magat:[/] only {complete} of {len(results)} episodes are complete, {options.require} required"
         )
         return 1
+    return 0
+
+
+def _exported(policy: str, console: Console) -> Path:
+    """The folder of the policy for onnxruntime, made if it is not there."""
+    from magat_robot.policy.export import exported
+
+    with console.status(f"exporting {policy} for onnxruntime"):
+        return exported(find_policy(policy))
+
+
+def _export(options: argparse.Namespace, console: Console) -> int:
+    console.print(str(_exported(options.policy, console)), highlight=False)
+    return 0
+
+
+def _bench_runtime(options: argparse.Namespace, console: Console) -> int:
+    from magat_bringup.bench_runtime import Setting, bench_runtime, inference, summary, table
+
+    policy = find_policy(options.policy)
+    _exported(options.policy, console)
+    settings = [
+        Setting(processes, crew, radio, backend)
+        for processes, crew in options.teams
+        for radio in options.radios
+        for backend in ("torch", "onnx", "echo")
+    ]
+    results = list(bench_runtime(settings, policy, options.ticks, console))
+    printer = Console()
+    printer.print(table(results))
+    printer.print(summary(results, {backend: inference(policy, backend) for backend in ("torch", "onnx")}))
     return 0
 
 
@@ -250,6 +309,14 @@ def _seconds(text: str) -> float:
     if not value > 0.0:
         raise argparse.ArgumentTypeError(f"{text} is no time above 0 seconds")
     return value
+
+
+def _team(text: str) -> tuple[int, int]:
+    try:
+        processes, crew = (_positive(part) for part in text.split("x"))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text} is no team: give processes x robots in each, such as 4x10") from None
+    return processes, crew
 
 
 def _positive(text: str) -> int:

@@ -11,7 +11,7 @@ from rich.progress import Progress, track
 from rich.table import Table
 
 from magat_robot.policy.policy import Policy
-from magat_robot.policy.store import load, load_network
+from magat_robot.policy.store import load
 from magat_sim.case import InvalidCaseError
 from magat_sim.measures import EpisodeMeasures, summarise
 from magat_training.cases import SolvedCase, solved_cases
@@ -46,11 +46,7 @@ def evaluate_policy(
         InvalidCaseError: no such cases can be drawn, or the expert solves none of them.
         ModelError: the policy cannot be used, or not at this temperature.
     """
-    policy = load(folder)
-    if temperature is not None:
-        network, digest = load_network(folder)
-        network.config = dataclasses.replace(network.config, temperature=temperature)
-        policy = Policy(network, digest)
+    policy = load(folder) if temperature is None else load(folder, temperature=temperature)
     solving = solved_cases(numbers, seed, **size)
     # Where nobody watches, each bar would leave an empty line.
     hidden = not console.is_interactive

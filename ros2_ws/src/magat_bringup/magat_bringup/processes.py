@@ -6,11 +6,13 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Self
+
+from magat_bringup.team import ENVIRONMENT, Command, TeamFile, commands
 
 _PR_SET_PDEATHSIG = 1
 #: How long processes may take to end when asked to, before they are killed, seconds.
@@ -25,45 +27,70 @@ class TeamError(RuntimeError):
 class TeamPlan:
     """What to start."""
 
-    #: Names of the robots, one process each.
-    robots: list[str]
+    #: Names of the robots.
+    robots: Sequence[str]
     #: Folder of the policy that each robot carries.
     policy: Path
     #: Folder for the processes' logs.
     logs: Path
     #: Environment variables besides this process's own.
     environment: Mapping[str, str]
-    #: How long an episode waits for robots that are missing, seconds.
-    ready_timeout: float = 60.0
+    #: Robots in each process.
+    crew: int = 1
+    #: direct: robots hear each other; relayed: through the simulator.
+    radio: str = "direct"
+    #: Of messages; that of the policy's configuration if empty.
+    encoding: str = ""
+    #: What computes the policy: torch or onnx.
+    backend: str = "torch"
+    #: How long an episode waits for robots that are missing, seconds; the simulator's default if None.
+    ready_timeout: float | None = None
+    #: ROS parameter file for every process.
+    params: Path | None = None
+    #: Whether there is a view, too.
+    view: bool = False
+
+    def commands(self) -> list[Command]:
+        """How the processes are started, one after the other.
+
+        Raises:
+            TeamFileError: the robots make no team, or there is no file ``params``.
+        """
+        return commands(
+            TeamFile(tuple(self.robots), self.crew),
+            self.policy,
+            radio=self.radio,
+            encoding=self.encoding,
+            backend=self.backend,
+            params=self.params,
+            ready_timeout=self.ready_timeout,
+            view=self.view,
+        )
 
 
 class TeamProcesses:
-    """One simulator, one expert and N robot processes, in a ``with`` statement: at its end all of them have ended."""
+    """Robots, simulator, expert and view, in a ``with`` statement: at its end all of them have ended."""
 
     def __init__(self, plan: TeamPlan) -> None:
-        """Start the processes; their output goes to ``plan.logs``."""
+        """Start the processes; their output goes to ``plan.logs``.
+
+        Raises:
+            TeamFileError: see `TeamPlan.commands`.
+        """
+        started = plan.commands()
         self._logs = plan.logs
         self._logs.mkdir(parents=True, exist_ok=True)
         self._running: dict[str, subprocess.Popen[bytes]] = {}
         # The wheels' guard against a second re-execution must not reach a child without what came of the first.
-        self._environment = {
-            **os.environ,
-            **plan.environment,
-            "OMP_NUM_THREADS": "1",
-            "PYTHONUNBUFFERED": "1",
-        }
+        self._environment = {**os.environ, **plan.environment, **ENVIRONMENT}
         self._environment.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None)
-        size = ["-p", f"team_size:={len(plan.robots)}"]
-        robots = ["magat_robot.processes", *plan.robots, "--ros-args", "-p", f"policy:={plan.policy}", *size]
-        self._start("robots", robots)
-        roster = ["-p", f"robots:=[{','.join(plan.robots)}]", "-p", f"ready_timeout:={plan.ready_timeout:f}"]
-        self._start("simulator", ["magat_sim.node", "--ros-args", *roster])
-        self._start("expert", ["magat_expert.node"])
+        for command in started:
+            self._start(command)
 
-    def _start(self, name: str, module: list[str]) -> None:
-        with (self._logs / f"{name}.log").open("wb") as log:
-            self._running[name] = subprocess.Popen(
-                [sys.executable, "-m", *module],
+    def _start(self, command: Command) -> None:
+        with (self._logs / f"{command.name}.log").open("wb") as log:
+            self._running[command.name] = subprocess.Popen(
+                [sys.executable, "-m", *command.python],
                 env=self._environment,
                 stdin=subprocess.DEVNULL,
                 stdout=log,
@@ -74,7 +101,7 @@ class TeamProcesses:
             )
 
     def pids(self, name: str) -> list[int]:
-        """Process numbers of ``name`` (robots, simulator or expert); of the robots, one each, in no order."""
+        """Process numbers of ``name``, a `Command`'s; of the robots, those of all their processes, in no order."""
         pid = self._running[name].pid
         return _children(pid) if name == "robots" else [pid]
 

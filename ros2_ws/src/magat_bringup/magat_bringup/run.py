@@ -2,7 +2,7 @@
 
 import json
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import monotonic
 
@@ -25,6 +25,7 @@ from magat_bringup.models import find_policy
 from magat_bringup.picture import save_picture
 from magat_bringup.processes import TeamPlan, TeamProcesses
 from magat_bringup.record import EpisodeRecord
+from magat_bringup.team import TeamFile
 from magat_interfaces.action import RunEpisode
 from magat_sim.measures import wilson
 
@@ -56,28 +57,65 @@ class RunPlan:
         )
 
 
-def run(plan: RunPlan, console: Console) -> list[RunEpisode.Result]:
+def run(
+    plan: RunPlan,
+    console: Console,
+    *,
+    team: TeamFile | None = None,
+    radio: str = "direct",
+    encoding: str = "",
+    backend: str = "torch",
+    params: Path | None = None,
+    view: bool = False,
+) -> list[RunEpisode.Result]:
     """Run the episodes and show them.
+
+    Args:
+        plan: the episodes.
+        console: to show them on.
+        team: the robots, instead of as many as the plan says with names of their numbers.
+        radio: direct (robots hear each other) or relayed (through the simulator).
+        encoding: of messages; that of the policy's configuration if empty.
+        backend: what computes the policy: torch or onnx.
+        params: ROS parameter file for every process.
+        view: whether there is a view for RViz and the like.
 
     Raises:
         ModelError: there is no such policy.
+        TeamFileError: there is no such parameter file.
         TeamError: a process ended, or an episode could not be run.
         KeyboardInterrupt: interrupted; no process is left behind.
     """
     policy = find_policy(plan.policy)
-    names = [f"robot_{index:0{len(str(plan.robots - 1))}d}" for index in range(plan.robots)]
+    team = team or TeamFile.numbered(plan.robots)
+    plan = replace(plan, robots=len(team.robots))
+    processes = "one process each" if team.crew == 1 else f"in {team.processes} processes"
     console.print(
-        f"[bold]{plan.robots} robots[/], one process each, carry [bold]{policy.name}[/] on {plan.width}x{plan.height} "
+        f"[bold]{plan.robots} robots[/], {processes}, carry [bold]{policy.name}[/] on {plan.width}x{plan.height} "
         f"cells; they talk over ROS 2, on this machine only"
     )
     outcomes: list[EpisodeOutcome] = []
     with own_domain() as domain:
         environment = loopback(domain)
         os.environ.update(environment)  # for the client, which is in this process
-        team_plan = TeamPlan(names, policy, plan.output / "logs", environment)
+        if view:
+            console.print(f"The view is in ROS domain {domain}; RViz needs this environment:")
+            console.print(" ".join(f"{name}={value}" for name, value in environment.items()), soft_wrap=True)
+        team_plan = TeamPlan(
+            robots=team.robots,
+            policy=policy,
+            logs=plan.output / "logs",
+            environment=environment,
+            crew=team.crew,
+            radio=radio,
+            encoding=encoding,
+            backend=backend,
+            params=params,
+            view=view,
+        )
         with (
-            TeamProcesses(team_plan) as team,
-            EpisodeClient(team, domain) as client,
+            TeamProcesses(team_plan) as running,
+            EpisodeClient(running, domain) as client,
             _progress(console) as progress,
         ):
             _run_episodes(plan, client, progress, outcomes)

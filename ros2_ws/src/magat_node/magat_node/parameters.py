@@ -23,6 +23,19 @@ def declare_value(node: Node, name: str, default: Any, meaning: str) -> Any:
     return _declare(node, name, default, ParameterDescriptor(description=meaning))
 
 
+def declare_choice(node: Node, name: str, default: str, choices: list[str], meaning: str) -> str:
+    """Declare a parameter that is one of ``choices`` and return its value.
+
+    Raises:
+        ValueError: it is none of them.
+    """
+    descriptor = ParameterDescriptor(description=meaning, additional_constraints=f"one of {choices}")
+    value = _declare(node, name, default, descriptor)
+    if value not in choices:
+        raise ValueError(f"the parameter {name} is {value!r}: it is one of {choices}")
+    return value
+
+
 def _declare(node: Node, name: str, default: Any, descriptor: ParameterDescriptor) -> Any:
     descriptor.read_only = True
     return node.declare_parameter(name, default, descriptor).value

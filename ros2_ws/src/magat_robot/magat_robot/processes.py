@@ -1,4 +1,4 @@
-"""Several robot processes from one: imports torch and ROS once, then forks one process a robot.
+"""Several robot processes from one: imports the policy's library and ROS once, then forks one a robot, or a crew.
 
 Forked robots share the memory of what was imported, and start in a fraction of the time; apart from that each is the
 same process as one started alone. Forking comes before ROS is initialised: threads and sockets do not survive it.
@@ -12,29 +12,34 @@ import sys
 import traceback
 from types import FrameType
 
-import torch  # noqa: F401  imported here, before the fork, so that its memory is shared
-
 from magat_robot import node
+from magat_robot.policy.deployment import BACKENDS, preload
 
 _PR_SET_PDEATHSIG = 1
 #: Exit status of a process that a signal ended, as shells give it.
 _SIGNALLED = 128
 
 
-def run_robots(names: list[str], ros_arguments: list[str]) -> int:
+def run_robots(names: list[str], ros_arguments: list[str], crew: int = 1) -> int:
     """Run robots until all have ended.
 
-    SIGINT and SIGTERM are passed on to them. Each robot that ends is reported on standard output, as ``NAME STATUS``,
-    and the robots die with this process, however it ends.
+    SIGINT and SIGTERM are passed on to them. Each process that ends is reported on standard output, as ``NAME STATUS``
+    (of its first robot), and they die with this process, however it ends.
 
     Args:
-        names: their names, which are their namespaces; may have slashes.
+        names: of the robots, which are their namespaces; may have slashes.
         ros_arguments: what follows ``--ros-args``, the same for all.
+        crew: robots in each process; the last may have fewer.
 
     Returns:
         0 if all robots ended well, else the first other exit status.
+
+    Raises:
+        ValueError: a process's robots are of different teams.
     """
-    robots = {_fork(name, ros_arguments): name for name in names}
+    crews = [names[first : first + crew] for first in range(0, len(names), crew)]
+    carrying = [_carrying(group) for group in crews]
+    robots = {_fork(own + ros_arguments): group[0] for own, group in zip(carrying, crews, strict=True)}
 
     def pass_on(number: int, _: FrameType | None) -> None:
         for pid in robots:
@@ -52,7 +57,18 @@ def run_robots(names: list[str], ros_arguments: list[str]) -> int:
     return worst
 
 
-def _fork(name: str, ros_arguments: list[str]) -> int:
+def _carrying(names: list[str]) -> list[str]:
+    """ROS arguments of a process that carries these robots."""
+    names = [name.strip("/") for name in names]
+    if len(names) == 1:
+        return ["-r", f"__ns:=/{names[0]}"]
+    teams = {name.rpartition("/")[0] for name in names}
+    if len(teams) > 1:
+        raise ValueError(f"{', '.join(names)} are of different teams: one process carries robots of one")
+    return ["-r", f"__ns:=/{teams.pop()}", "-p", f"robots:=[{','.join(name.rpartition('/')[2] for name in names)}]"]
+
+
+def _fork(ros_arguments: list[str]) -> int:
     parent = os.getpid()
     pid = os.fork()
     if pid != 0:
@@ -61,7 +77,7 @@ def _fork(name: str, ros_arguments: list[str]) -> int:
     try:
         ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
         if os.getppid() == parent:  # else it died before the line above
-            code = node.main(["robot", "--ros-args", "-r", f"__ns:=/{name.strip('/')}", *ros_arguments])
+            code = node.main(["robot", "--ros-args", *ros_arguments])
     except BaseException:  # reported here, since nothing above this frame will run
         traceback.print_exc()
     finally:
@@ -72,12 +88,22 @@ def _fork(name: str, ros_arguments: list[str]) -> int:
 
 
 def main(args: list[str] | None = None) -> int:
-    """Command line: ``robots NAME [NAME ...] [--ros-args ...]``."""
+    """Command line: ``robots [--crew M] NAME [NAME ...] [--ros-args ...]``."""
     args = sys.argv[1:] if args is None else args
     split = args.index("--ros-args") if "--ros-args" in args else len(args)
     parser = argparse.ArgumentParser(prog="robots", description="One process a robot, forked from this one.")
     parser.add_argument("names", nargs="+", metavar="NAME", help="the robot's name, which is its namespace")
-    return run_robots(parser.parse_args(args[:split]).names, args[split + 1 :])
+    parser.add_argument("--backend", choices=BACKENDS, default="torch", help="computes the policy (default: torch)")
+    parser.add_argument("--crew", type=int, default=1, metavar="M", help="robots in each process (default: 1)")
+    options = parser.parse_args(args[:split])
+    if options.crew < 1:
+        parser.error("--crew is at least 1")
+    preload(options.backend)  # before the fork, so that its memory is shared
+    ros_arguments = ["-p", f"backend:={options.backend}", *args[split + 1 :]]
+    try:
+        return run_robots(options.names, ros_arguments, options.crew)
+    except ValueError as error:
+        parser.error(str(error))
 
 
 if __name__ == "__main__":

@@ -10,18 +10,19 @@ import numpy as np
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.task import Future
 
 from magat_interfaces.action import RunEpisode
-from magat_interfaces.msg import Observation, Preference, RobotStatus, World
+from magat_interfaces.msg import Feature, FeatureBundle, Observation, Preference, RobotStatus, World
 from magat_interfaces.srv import SolveMapf
-from magat_node import qos
-from magat_node.parameters import declare_seconds, declare_value
+from magat_node import cdr, qos
+from magat_node.parameters import declare_choice, declare_seconds, declare_value
 from magat_node.run import run_node
 from magat_sim.case import Case, InvalidCaseError, draw_case, make_case
 from magat_sim.episode import episode_streams
 from magat_sim.measures import T_MAX_FACTOR, Flowtime, expert_flowtime
-from magat_sim.team import Team
+from magat_sim.team import Equipment, Team
 from magat_sim.ticks import Episode, Outcome, Wish
 
 #: Seconds between hellos to robots that do not take part.
@@ -73,7 +74,15 @@ class SimulatorNode(Node):
         deadline = declare_seconds(
             self, "tick_deadline", 1.0, "wait so long in a tick for preferences; who is silent then idles"
         )
-        self._team = Team(list(names), [secrets.randbits(63) + 1 for _ in names])
+        self._radio = declare_choice(
+            self, "radio", "direct", ["direct", "relayed"], "robots hear each other, or what the simulator hands on"
+        )
+        relay_deadline = declare_seconds(
+            self, "relay_deadline", 0.1, "wait so long in each round for messages to relay, then hand on what is there"
+        )
+        # Who hears the simulator hears everything, where that relays.
+        peers = len(names) - 1 if self._radio == "direct" else 0
+        self._team = Team(list(names), [secrets.randbits(63) + 1 for _ in names], peers)
         self._goal: ServerGoalHandle | None = None
         self._case: Case | None = None
         self._expert: Flowtime | None = None
@@ -84,6 +93,10 @@ class SimulatorNode(Node):
 
         depth = qos.shared_depth(len(names))
         self._send = [self.create_publisher(Observation, f"{name}/observation", qos.newest(4)) for name in names]
+        self._relay_to: list[Publisher] = []
+        if self._radio == "relayed":
+            self._relay_to = [self.create_publisher(FeatureBundle, f"{name}/heard", qos.newest(8)) for name in names]
+            self.create_subscription(Feature, "feature", self._on_feature, qos.newest(depth), raw=True)
         self._send_world = self.create_publisher(World, "world", qos.reliable(100))
         self.create_subscription(Preference, "preference", self._on_preference, qos.newest(depth))
         self.create_subscription(RobotStatus, "robot_status", self._on_status, qos.reliable(depth))
@@ -98,6 +111,8 @@ class SimulatorNode(Node):
         )
         self._deadline = self.create_timer(deadline, self._on_deadline)
         self._deadline.cancel()
+        self._relay_deadline = self.create_timer(relay_deadline, self._on_relay_deadline)
+        self._relay_deadline.cancel()
         self.create_timer(HELLO_PERIOD, self._on_beat)
 
     # --- The team ---
@@ -111,9 +126,10 @@ class SimulatorNode(Node):
             self._gather()
 
     def _on_status(self, message: RobotStatus) -> None:
-        member = self._team.by_name.get(message.robot)
-        if member is not None:
-            member.reported(time.monotonic(), message.peers_heard, message.digest)
+        equipment = Equipment(message.digest, message.encoding, message.radio)
+        for name in message.robots:
+            if name in self._team.by_name:
+                self._team.by_name[name].reported(time.monotonic(), message.peers_heard, equipment)
 
     # --- An episode: begin, gather, ask the expert ---
 
@@ -156,15 +172,16 @@ class SimulatorNode(Node):
         expert = self._solve.service_is_ready() or goal.request.t_max > 0
         if not missing and expert:
             self._waiting_since = None
-            digests = self._team.digests()
-            if len(digests) > 1:
-                kinds = "; ".join(f"{digest[:12]}: {', '.join(names)}" for digest, names in digests.items())
-                self._finish(goal.abort, f"the robots carry different policies ({kinds}): start them with the same one")
+            mismatch = self._team.mismatch(self._radio)
+            if mismatch is not None:
+                self._finish(goal.abort, mismatch)
             else:
                 self._ask_expert()
         elif now - self._waiting_since > self._ready_timeout:
             absent = [*missing, *([] if expert else ["the expert"])]
-            self._finish(goal.abort, f"not there after {self._ready_timeout:g} s: {', '.join(absent)}")
+            mismatch = self._team.mismatch(self._radio)  # what they have said so far may be the reason
+            why = f"; {mismatch}" if mismatch is not None else ""
+            self._finish(goal.abort, f"not there after {self._ready_timeout:g} s: {', '.join(absent)}{why}")
         else:
             self._feed_back(0, 0)
 
@@ -225,6 +242,34 @@ class SimulatorNode(Node):
             publisher.publish(message)
         self._deadline.reset()
 
+    def _on_feature(self, data: bytes) -> None:
+        """A message to hand on."""
+        feature, episode = cdr.unpack_feature(data), self._episode
+        if feature is None or feature.tick == Observation.HELLO or episode is None:
+            return
+        if feature.episode != self._episode_id or feature.tick != episode.simulator.tick:
+            return  # late: the robots that wanted it have gone on
+        why = episode.relay.receive(feature.round, feature.tag, feature.encoding, feature.payload)
+        if why is not None:
+            self.get_logger().warning(f"dropped {why}", throttle_duration_sec=5.0)
+        elif episode.relay.complete:
+            self._hand_on()
+        elif self._relay_deadline.is_canceled():
+            self._relay_deadline.reset()
+
+    def _on_relay_deadline(self) -> None:
+        if self._episode is not None:
+            self._hand_on()
+
+    def _hand_on(self) -> None:
+        episode = self._episode
+        assert episode is not None
+        at = (self._episode_id, episode.simulator.tick, episode.relay.round)
+        for member, publisher, bundle in zip(self._team.members, self._relay_to, episode.relayed(), strict=True):
+            if member.joined:
+                publisher.publish(cdr.pack_bundle(*at, bundle.encoding, bundle.payloads))
+        self._relay_deadline.cancel()  # until the first message of the next round
+
     def _on_preference(self, message: Preference) -> None:
         if message.tick == Observation.HELLO:
             member = self._team.by_nonce.get(message.tag)
@@ -249,6 +294,7 @@ class SimulatorNode(Node):
         goal, episode = self._goal, self._episode
         assert goal is not None and episode is not None
         self._deadline.cancel()
+        self._relay_deadline.cancel()
         outcome = episode.advance()
         for name in self._team.account((~outcome.silent).tolist()):
             self.get_logger().warning(f"{name} is silent: it stays where it is until it answers again")
@@ -299,6 +345,7 @@ class SimulatorNode(Node):
         goal, episode = self._goal, self._episode
         assert goal is not None
         self._deadline.cancel()
+        self._relay_deadline.cancel()
         result = RunEpisode.Result(error=error, episode=self._episode_id)
         result.delta_ft = result.delta_ft_strict = float("nan")
         if episode is not None:

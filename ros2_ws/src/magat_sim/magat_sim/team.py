@@ -2,11 +2,20 @@
 
 import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 #: How long an answer to a hello, or a status, counts as fresh, seconds.
 FRESH = 1.0
 #: A robot silent for so many ticks in a row is absent: nobody waits for it or hears it until it answers a hello.
 SILENT_TICKS = 2
+
+
+class Equipment(NamedTuple):
+    """What must be the same in all robots of a team."""
+
+    digest: str
+    encoding: str
+    radio: str
 
 
 @dataclass
@@ -19,7 +28,8 @@ class Member:
     #: Takes part: it was ready once and has not fallen silent since.
     joined: bool = False
     silent_ticks: int = 0
-    digest: str = ""
+    #: What it carries: the policy's digest, the encoding and the radio of its messages.
+    equipment: Equipment | None = None
     _answered: float = field(default=-math.inf, repr=False)
     _status: float = field(default=-math.inf, repr=False)
     _peers_heard: int = 0
@@ -36,9 +46,9 @@ class Member:
         """It answered a hello at ``now`` (seconds)."""
         self._answered = now
 
-    def reported(self, now: float, peers_heard: int, digest: str) -> None:
+    def reported(self, now: float, peers_heard: int, equipment: Equipment) -> None:
         """Its status came at ``now``: hellos of ``peers_heard`` other robots reach it."""
-        self._status, self._peers_heard, self.digest = now, peers_heard, digest
+        self._status, self._peers_heard, self.equipment = now, peers_heard, equipment
 
     def reachable(self, now: float) -> bool:
         """Observations reach it and its preferences come back."""
@@ -52,23 +62,28 @@ class Member:
 class Team:
     """The robots that the simulator expects, in its order."""
 
-    def __init__(self, names: list[str], nonces: list[int]) -> None:
-        """Expect the robots ``names``; ``nonces`` are random and all different.
+    def __init__(self, names: list[str], nonces: list[int], peers: int) -> None:
+        """Expect the robots ``names``.
+
+        Args:
+            names: all different.
+            nonces: random, and all different.
+            peers: how many others each must hear before it is ready.
 
         Raises:
             ValueError: no names, or a name twice.
         """
         if not names or len(set(names)) != len(names):
             raise ValueError(f"the team is {names}: name at least one robot, and none twice")
+        self._peers = peers
         self.members = [Member(name, nonce) for name, nonce in zip(names, nonces, strict=True)]
         self.by_name = {member.name: member for member in self.members}
         self.by_nonce = {member.nonce: member for member in self.members}
 
     def gather(self, now: float) -> list[str]:
         """Let join who is ready; the names of those still missing."""
-        peers = len(self.members) - 1
         for member in self.members:
-            if not member.joined and member.ready(now, peers):
+            if not member.joined and member.ready(now, self._peers):
                 member.join()
         return [member.name for member in self.members if not member.joined]
 
@@ -89,9 +104,16 @@ class Team:
                 lost.append(member.name)
         return lost
 
-    def digests(self) -> dict[str, list[str]]:
-        """Which robots carry which policy, by the digest of its weights."""
-        carried: dict[str, list[str]] = {}
+    def mismatch(self, radio: str) -> str | None:
+        """What keeps the robots from understanding each other or the simulator, whose radio is ``radio``; or None."""
+        carried: dict[Equipment, list[str]] = {}
         for member in self.members:
-            carried.setdefault(member.digest, []).append(member.name)
-        return carried
+            if member.equipment is not None:
+                carried.setdefault(member.equipment, []).append(member.name)
+        if len(carried) < 2 and all(equipment.radio == radio for equipment in carried):
+            return None
+        kinds = "; ".join(
+            f"{', '.join(names)}: policy {kind.digest[:12]}, {kind.encoding}, {kind.radio} radio"
+            for kind, names in carried.items()
+        )
+        return f"the team does not fit together (the simulator's radio is {radio}; {kinds}): start all with the same"

@@ -9,6 +9,7 @@ from magat_sim.case import Case
 from magat_sim.episode import EpisodeStreams
 from magat_sim.field_of_view import Uint8Array
 from magat_sim.grid import DELTAS, BoolArray, IntArray
+from magat_sim.relay import Bundle, Relay
 from magat_sim.simulator import Simulator, Step
 
 
@@ -69,6 +70,7 @@ class Episode:
         heard = np.where(present[np.maximum(observation.heard, 0)], observation.heard, -1)
         audible = [tags[row[row >= 0]] for row in heard]
         self._robot_of = {int(tag): robot for robot, tag in enumerate(tags)}
+        self.relay = Relay(tags.tolist(), [row[row >= 0].tolist() for row in heard], present.tolist())
         self._wishes = {}
         self._audible = np.array([len(a) for a in audible])
         self._links = int(self._audible[present].sum())
@@ -78,6 +80,10 @@ class Episode:
                 observation.field_of_view, tags, audible, observation.streams, strict=True
             )
         ]
+
+    def relayed(self) -> list[Bundle]:
+        """End a round of messages that are relayed: for each of the N robots what it hears."""
+        return self.relay.bundles(self._tags)
 
     def answer(self, tag: int, wish: Wish) -> str | None:
         """Take the preference sent under ``tag``; None, or why it was dropped."""

@@ -1,16 +1,24 @@
 """What a policy is: the paper's name of it, and every number that the name leaves open."""
 
 import re
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
+
+from magat_robot.policy.grids import ACTIVATION_MAX, SUM_MAX
 
 _NAME = re.compile(
     r"(?P<layer>MAGAT|GNN_baseline|GNN|GAT)-(?P<type>[FB])-(?P<features>[0-9]{1,9})(-P(?P<heads>[0-9]{1,9}))?"
 )
 
+#: Shape of an observation: obstacles, robots, goal; the 9 x 9 field of view and the ring around it.
+OBSERVATION_SHAPE = (3, 11, 11)
+#: idle, up, down, left, right.
+PRIMITIVES = 5
 #: No layer is wider, and there are no more rounds; a damaged configuration must not claim all memory.
 MAX_SIZE = 4096
 MAX_ROUNDS = 16
+#: Encodings of messages, and their numbers in `magat_interfaces/msg/Feature`.
+ENCODINGS = {"float32": 0, "float16": 1, "int8": 2}
 
 
 class ModelError(ValueError):
@@ -37,6 +45,9 @@ class PolicyConfig:
     layers: int = 1
     #: GNN only: S is the adjacency divided by the receiver's degree; otherwise the bare adjacency.
     normalise: bool = True
+    #: How messages are encoded on the air: float32, float16 or int8, see `payload`. Robots that carry a policy may use
+    #: another one, as long as all do.
+    encoding: str = "float32"
     #: Sampling temperature T: actions are drawn from softmax(logits / T).
     temperature: float = 1.0
 
@@ -53,6 +64,8 @@ class PolicyConfig:
             )
         if max(self.message_sizes) > MAX_SIZE:
             raise ModelError(f"messages of {max(self.message_sizes)} numbers: the limit is {MAX_SIZE}")
+        if self.encoding not in ENCODINGS:
+            raise ModelError(f"unknown encoding {self.encoding!r}: it is one of {', '.join(ENCODINGS)}")
         if not 0.01 <= self.temperature <= 100:
             raise ModelError(f"temperature {self.temperature} is not within 0.01 and 100")
 
@@ -82,6 +95,12 @@ class PolicyConfig:
         return tuple(sizes) or (0,)
 
     @property
+    def largest(self) -> float:
+        """The largest number that a message can hold."""
+        sums = self.layer == "GNN" and not self.normalise and self.taps > 2
+        return SUM_MAX if sums else ACTIVATION_MAX
+
+    @property
     def bottleneck(self) -> bool:
         """Type B: the 128 features before the reduction also reach the action MLP."""
         return self._part("type") == "B"
@@ -95,6 +114,17 @@ class PolicyConfig:
     def heads(self) -> int:
         """Number of attention heads, P."""
         return int(self._part("heads") or 1)
+
+    def deployed(self, **changes: Any) -> "PolicyConfig":
+        """The configuration with ``changes`` of what is a matter of deployment: temperature, encoding.
+
+        Raises:
+            ModelError: any other field, or a value out of range.
+        """
+        fixed = changes.keys() - {"temperature", "encoding"}
+        if fixed:
+            raise ModelError(f"{', '.join(sorted(fixed))} cannot be changed: the weights were trained so")
+        return replace(self, **changes)
 
     def to_json(self) -> dict[str, Any]:
         """The configuration as plain JSON values."""
@@ -112,11 +142,12 @@ class PolicyConfig:
             raise ModelError(f"a policy configuration has exactly the keys {sorted(known)}; this one: {values}")
         channels, sizes = values["channels"], [values[size] for size in ("hidden", "taps", "layers")]
         whole = isinstance(channels, list) and all(type(size) is int for size in [*channels, *sizes])
-        right = isinstance(values["name"], str) and type(values["normalise"]) is bool
+        texts = isinstance(values["name"], str) and isinstance(values["encoding"], str)
+        right = texts and type(values["normalise"]) is bool
         if not (whole and right and type(values["temperature"]) in (int, float)):
             raise ModelError(
-                f"unusable policy configuration {values}: sizes are whole numbers, the name is a text, normalise is "
-                "true or false"
+                f"unusable policy configuration {values}: sizes are whole numbers, name and encoding are texts, "
+                "normalise is true or false"
             )
         return cls(**values | {"channels": tuple(channels)})
 

@@ -6,9 +6,8 @@ from torch import Tensor, nn
 from torch.nn.utils import fuse_conv_bn_eval
 
 from magat_robot.policy import fixed_point as fp
+from magat_robot.policy.config import OBSERVATION_SHAPE
 
-#: Shape of an observation: obstacles, robots, goal; the 9 x 9 field of view and the ring around it.
-OBSERVATION_SHAPE = (3, 11, 11)
 #: Features extracted by the CNN, before their reduction to Num_features.
 CNN_FEATURES = 128
 

@@ -16,16 +16,10 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-#: Activations are multiples of 2**-ACTIVATION_BITS ...
-ACTIVATION_BITS = 6
-#: ... from 0 to ACTIVATION_MAX (rectified). In training they are clamped the same way.
-ACTIVATION_MAX = 8.0
-#: What a robot adds up over its neighbours, unweighed, is cut off here.
-SUM_MAX = 2.0**11
-#: Signed intermediates (attention queries, logits) lie within +-SIGNED_MAX.
-SIGNED_MAX = 64.0
-#: Exponents (attention scores, logits over temperature) are multiples of 2**-EXPONENT_BITS.
-EXPONENT_BITS = 8
+from magat_robot.policy.grids import ACTIVATION_BITS, ACTIVATION_MAX, EXPONENT_BITS, SIGNED_MAX, SUM_MAX
+
+__all__ = ["ACTIVATION_BITS", "ACTIVATION_MAX", "EXPONENT_BITS", "SIGNED_MAX", "SUM_MAX"]
+
 #: exp() is rounded to multiples of 2**-EXP_TABLE_BITS.
 EXP_TABLE_BITS = 24
 #: Weights of layers computed in float64 are multiples of 2**-FLOAT64_WEIGHT_BITS, and add up to at most

@@ -83,7 +83,7 @@ class GraphLayer(fp.Exactable):
         """Compute in advance what depends on weights alone; called once, on deployment."""
 
     def _softmax(self, scores: Tensor, present: Tensor) -> tuple[Tensor, Tensor]:
-        scores = nn.functional.leaky_relu(scores, LEAKY_SLOPE)
+        scores = torch.maximum(scores, LEAKY_SLOPE * scores)  # LeakyReLU, in operators that every backend has
         present = present[:, None, :].expand_as(scores)
         if self.exact:
             weights = fp.exp_weights(fp.snap(scores, fp.EXPONENT_BITS, -1e6, 1e6), present)

@@ -11,12 +11,9 @@ import torch
 from torch import Tensor, nn
 
 from magat_robot.policy import fixed_point as fp
-from magat_robot.policy.config import PolicyConfig
+from magat_robot.policy.config import PRIMITIVES, PolicyConfig
 from magat_robot.policy.extractor import CNN_FEATURES, ConvNorm, FeatureExtractor, Sum
 from magat_robot.policy.graph import GraphLayer, graph_layer
-
-#: idle, up, down, left, right.
-PRIMITIVES = 5
 
 
 @dataclass(frozen=True)

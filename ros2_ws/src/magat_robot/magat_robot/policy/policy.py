@@ -1,53 +1,22 @@
-"""A policy as robots carry it: observation -> message, messages -> (next message, ...) decision."""
-
-from dataclasses import dataclass
+"""A policy computed by torch: the reference."""
 
 import numpy as np
 import numpy.typing as npt
 import torch
 
 from magat_robot.policy import fixed_point as fp
-from magat_robot.policy.config import PolicyConfig
-from magat_robot.policy.extractor import OBSERVATION_SHAPE
-from magat_robot.policy.network import PRIMITIVES, PolicyNetwork, Thought, deploy
+from magat_robot.policy import payload
+from magat_robot.policy.config import OBSERVATION_SHAPE, PRIMITIVES, PolicyConfig
+from magat_robot.policy.interface import Decision, Encoding
+from magat_robot.policy.network import PolicyNetwork, Thought, deploy
 from magat_robot.policy.sampling import choose, uniform
 
 #: Robots computed in one go: larger batches fall out of the processor's cache.
 _CHUNK = 256
 
 
-@dataclass(frozen=True)
-class Encoding:
-    """What R robots know after looking, and after each round of messages; and what they send next."""
-
-    #: Never sent.
-    thought: Thought
-    #: ``[R, n]`` float32, n of `PolicyConfig.message_sizes`: what each sends. In the first round these are the features
-    #: x, whose values are exact in float16, too.
-    messages: npt.NDArray[np.float32]
-
-
-@dataclass(frozen=True)
-class Decision:
-    """What R robots decide."""
-
-    #: ``[R, 5]`` float64 whole numbers proportional to the probabilities of the primitives.
-    weights: npt.NDArray[np.float64]
-    #: ``[R]`` int64, the primitives drawn.
-    primitives: npt.NDArray[np.int64]
-
-    @property
-    def log_probabilities(self) -> npt.NDArray[np.float32]:
-        """``[R, 5]`` natural logarithms of the probabilities; one that rounds to 0 counts as half a unit."""
-        share = np.maximum(self.weights, 0.5) / self.weights.sum(axis=1, keepdims=True)
-        return np.log(share).astype(np.float32)
-
-
 class Policy:
-    """The deployed form of a trained network; see `magat_robot.policy.store.load` to get one from a folder.
-
-    Its results do not depend on how many robots are computed together or on the order of messages, to the last bit.
-    """
+    """The deployed form of a trained network, a `RobotPolicy`; `store.load` makes one of a folder."""
 
     def __init__(self, network: PolicyNetwork, digest: str = "") -> None:
         """Deploy a copy of ``network``; ``digest`` names its weights."""
@@ -107,7 +76,7 @@ class Policy:
         """R robots at once, the exchange in between: row i hears the rows ``heard[i]`` (``[R, M]``, -1 for none)."""
         own, rows, present = self.encode(view), np.maximum(heard, 0), heard >= 0
         for _ in range(self.rounds):
-            own = self.hear(own, own.messages[rows], present)
+            own = self.hear(own, payload.carried(own.messages, self.config.encoding)[rows], present)
         return self.decide(own, streams, tick)
 
     @property

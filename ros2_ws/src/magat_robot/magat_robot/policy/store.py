@@ -3,16 +3,18 @@
 import hashlib
 import json
 from pathlib import Path
+from typing import Any
 
 from safetensors import SafetensorError
 from safetensors.torch import load as load_tensors
 from safetensors.torch import save as save_tensors
 
-from magat_robot.policy.config import ModelError, PolicyConfig
+from magat_robot.policy.config import ModelError
+from magat_robot.policy.folder import CARD, CONFIG, WEIGHTS, read_folder
 from magat_robot.policy.network import PolicyNetwork
 from magat_robot.policy.policy import Policy
 
-WEIGHTS, CONFIG, CARD = "model.safetensors", "config.json", "card.md"
+__all__ = ["CARD", "CONFIG", "WEIGHTS", "load", "load_network", "save"]
 
 
 def save(network: PolicyNetwork, folder: Path, card: str) -> str:
@@ -33,38 +35,28 @@ def load_network(folder: Path) -> tuple[PolicyNetwork, str]:
     Raises:
         ModelError: a file is missing, damaged, or not of this configuration.
     """
-    config_file, weights_file = folder / CONFIG, folder / WEIGHTS
-    for file in (config_file, weights_file):
-        if not file.is_file():
-            raise ModelError(f"{folder} is no policy folder: {file.name} is missing")
-    try:
-        stored = json.loads(config_file.read_text())
-        config, expected = PolicyConfig.from_json(stored["policy"]), stored["sha256"]
-    except ModelError as error:
-        raise ModelError(f"{config_file}: {error}") from error
-    except (ValueError, KeyError, TypeError) as error:
-        raise ModelError(f"{config_file} is damaged ({error!r}): write it again or fetch the policy again") from error
-    data = weights_file.read_bytes()
-    digest = hashlib.sha256(data).hexdigest()
-    if digest != expected:
-        raise ModelError(
-            f"{weights_file} is damaged or of another policy: its SHA-256 is {digest}, and {CONFIG} says {expected}"
-        )
+    config, digest, data = read_folder(folder)
     network = PolicyNetwork(config)
     try:
         network.load_state_dict(load_tensors(data))
     except (SafetensorError, RuntimeError) as error:
-        raise ModelError(f"{weights_file} does not hold the weights of a {config.name}: {error}") from error
+        raise ModelError(f"{folder / WEIGHTS} does not hold the weights of a {config.name}: {error}") from error
     return network, digest
 
 
-def load(folder: Path) -> Policy:
+def load(folder: Path, **changes: Any) -> Policy:
     """The policy in ``folder``, ready to decide.
 
+    Args:
+        folder: of the policy.
+        changes: fields of its configuration that are a matter of its deployment: temperature, encoding.
+
     Raises:
-        ModelError: as `load_network`, or weights that are not finite or too large for exact sums.
+        ModelError: as `load_network`, or a change out of range, or weights that are not finite or too large for exact
+            sums.
     """
     network, digest = load_network(folder)
+    network.config = network.config.deployed(**changes)
     try:
         return Policy(network, digest)
     except ValueError as error:

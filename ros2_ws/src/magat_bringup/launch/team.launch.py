@@ -1,0 +1,101 @@
+"""A team: its robots, the simulator, the expert and, if wanted, the view and RViz; `--show-args` lists the arguments.
+
+What each process is told comes from `magat_bringup.team`, as for `magat run`.
+"""
+
+# ruff: noqa: I001  (to ruff, `launch` is the folder that this file is in)
+
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+from magat_bringup.models import find_policy
+from magat_bringup.team import ENVIRONMENT, Command, TeamFile, commands
+from magat_robot.policy.config import ENCODINGS
+from magat_robot.policy.deployment import BACKENDS
+
+CONFIG = Path(get_package_share_directory("magat_bringup")) / "config"
+SWITCH = ["true", "false"]
+
+
+def generate_launch_description() -> LaunchDescription:
+    """The arguments, and what is started once they are known."""
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument(
+                "team",
+                default_value=str(CONFIG / "team.yaml"),
+                description="YAML file that names the robots, and says how many share a process (crew)",
+            ),
+            DeclareLaunchArgument(
+                "policy", default_value="MAGAT-F-128", description="name of a policy in models/, or its folder"
+            ),
+            DeclareLaunchArgument(
+                "radio",
+                default_value="direct",
+                choices=["direct", "relayed"],
+                description="robots hear each other, or what the simulator hands on",
+            ),
+            DeclareLaunchArgument(
+                "encoding",
+                default_value="",
+                choices=["", *ENCODINGS],
+                description="of messages; that of the policy's configuration if empty",
+            ),
+            DeclareLaunchArgument(
+                "backend", default_value="torch", choices=list(BACKENDS), description="what computes the policy"
+            ),
+            DeclareLaunchArgument("params", default_value="", description="ROS parameter file for every node"),
+            DeclareLaunchArgument(
+                "view", default_value="true", choices=SWITCH, description="map, markers, tf and diagnostics"
+            ),
+            DeclareLaunchArgument("rviz", default_value="false", choices=SWITCH, description="RViz, with its layout"),
+            OpaqueFunction(function=start),
+        ]
+    )
+
+
+def start(context: LaunchContext) -> list[Node]:
+    """The processes.
+
+    Raises:
+        TeamFileError: the team file or the parameter file cannot be used.
+        ModelError: there is no such policy.
+    """
+
+    def given(name: str) -> str:
+        return LaunchConfiguration(name).perform(context)
+
+    team = commands(
+        TeamFile.read(Path(given("team"))),
+        find_policy(given("policy")),
+        radio=given("radio"),
+        encoding=given("encoding"),
+        backend=given("backend"),
+        params=Path(given("params")) if given("params") else None,
+        view=given("view") == "true",
+    )
+    nodes = [node(command) for command in team]
+    if given("rviz") == "true":
+        layout = ["-d", str(CONFIG / "team.rviz")]
+        nodes.append(Node(package="rviz2", executable="rviz2", arguments=layout, output="log"))
+    return nodes
+
+
+def node(command: Command) -> Node:
+    """The launch action that starts a process; without it there is no team, except for the view."""
+    ending = {} if command.name == "view" else {"on_exit": Shutdown(reason=f"{command.name} ended")}
+    return Node(
+        package=command.package,
+        executable=command.executable,
+        exec_name=command.name,
+        arguments=list(command.arguments),
+        ros_arguments=list(command.ros_arguments),
+        additional_env=ENVIRONMENT,
+        output="screen",
+        **ending,
+    )

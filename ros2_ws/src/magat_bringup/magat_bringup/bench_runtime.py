@@ -1,0 +1,178 @@
+"""``magat bench-runtime``: how fast a team ticks, by radio and processes, and what of it is the network's."""
+
+import os
+import tempfile
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import psutil
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from magat_bringup.client import EpisodeClient
+from magat_bringup.environment import loopback, own_domain
+from magat_bringup.processes import TeamPlan, TeamProcesses
+from magat_interfaces.action import RunEpisode
+from magat_robot.policy.deployment import load_policy
+from magat_training.cases import SET_SEED, SPLITS
+
+#: How long a team may take to come together, seconds.
+READY = 300.0
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A team to be measured: on square maps as dense with robots as 20x20 with 10."""
+
+    processes: int
+    crew: int
+    radio: str
+    backend: str
+
+    @property
+    def robots(self) -> int:
+        """In all processes."""
+        return self.processes * self.crew
+
+    @property
+    def side(self) -> int:
+        """Of the map, cells."""
+        return round((self.robots * 40) ** 0.5)
+
+
+@dataclass(frozen=True)
+class Speed:
+    """What was measured of a setting."""
+
+    ticks: int
+    ticks_per_second: float
+    #: Wall time of a tick, milliseconds.
+    p50: float
+    p99: float
+    #: Seconds from the first process to the first episode's start.
+    startup: float
+    #: Memory of a robot's own (PSS: shared memory divided by those that share it), MiB.
+    memory: float
+    #: Messages that were not there in time.
+    missing: int
+
+
+def measure(setting: Setting, policy: Path, ticks: int, encoding: str = "") -> Speed:
+    """Run episodes on a team of ``setting`` for at least ``ticks`` ticks.
+
+    Raises:
+        TeamError: the team cannot be started, or does not come together.
+    """
+    names = [f"robot_{number}" for number in range(setting.robots)]
+    with own_domain() as domain, tempfile.TemporaryDirectory() as logs:
+        environment = loopback(domain)
+        os.environ.update(environment)
+        plan = TeamPlan(
+            names,
+            policy,
+            Path(logs),
+            environment,
+            crew=setting.crew,
+            radio=setting.radio,
+            encoding=encoding,
+            backend=setting.backend,
+            ready_timeout=READY,
+        )
+        started = time.monotonic()
+        startup = 0.0
+        seconds: list[float] = []
+        missing, spent = 0, 0.0
+        with TeamProcesses(plan) as team, EpisodeClient(team, domain) as client:
+            client.wait_for_simulator()
+
+            def note(feedback: RunEpisode.Feedback) -> None:
+                nonlocal startup
+                startup = startup or (time.monotonic() - started if feedback.t_max else 0.0)
+
+            for number in SPLITS["test"]:
+                # Long enough for most episodes; teams that walk at random never finish theirs.
+                goal = RunEpisode.Goal(seed=SET_SEED, number=number, width=setting.side, height=setting.side)
+                goal.density, goal.t_max = 0.1, 4 * setting.side
+                outcome = client.run(goal, note)
+                worlds = outcome.recording.worlds
+                seconds += [worlds[tick].seconds for tick in sorted(worlds) if tick > 0]
+                missing += outcome.result.features_missing
+                spent += outcome.result.ticks / outcome.result.ticks_per_second
+                if len(seconds) >= ticks:
+                    break
+            memory = [psutil.Process(pid).memory_full_info().pss / 2**20 for pid in team.pids("robots")]
+    p50, p99 = np.percentile(seconds, [50, 99]) * 1e3
+    return Speed(len(seconds), len(seconds) / spent, p50, p99, startup, sum(memory) / setting.robots, missing)
+
+
+def inference(policy: Path, backend: str, neighbours: int = 4, repetitions: int = 200) -> float:
+    """Milliseconds in which one robot looks, hears ``neighbours`` messages a round, and decides; the median."""
+    loaded = load_policy(policy, backend)
+    view = np.zeros((1, 3, 11, 11), dtype=np.uint8)
+    present, stream = np.ones((1, neighbours), dtype=bool), np.zeros(1, dtype=np.uint64)
+    spent = []
+    for _ in range(repetitions):
+        started = time.perf_counter()
+        own = loaded.encode(view)
+        for size in loaded.config.message_sizes:
+            own = loaded.hear(own, np.zeros((1, neighbours, size), dtype=np.float32), present)
+        loaded.decide(own, stream, 0)
+        spent.append(time.perf_counter() - started)
+    return float(np.median(spent)) * 1e3
+
+
+def bench_runtime(
+    settings: Iterable[Setting], policy: Path, ticks: int, console: Console
+) -> Iterator[tuple[Setting, Speed]]:
+    """`measure` each of ``settings``, with progress."""
+    settings = list(settings)
+    with Progress(console=console, transient=True) as progress:
+        task = progress.add_task("teams", total=len(settings))
+        for setting in settings:
+            progress.update(
+                task, description=f"{setting.processes} x {setting.crew}, {setting.radio}, {setting.backend}"
+            )
+            yield setting, measure(setting, policy, ticks)
+            progress.advance(task)
+
+
+def summary(results: Iterable[tuple[Setting, Speed]], inferences: Mapping[str, float]) -> str:
+    """What a tick costs besides the messages, in sentences: ``inferences`` are a robot's milliseconds by backend."""
+    lines = [f"One robot's inference: {', '.join(f'{b} {ms:.2f} ms' for b, ms in inferences.items())}."]
+    p50 = {setting: speed.p50 for setting, speed in results}
+    for setting, median in p50.items():
+        echo = p50.get(replace(setting, backend="echo"))
+        if setting.backend in inferences and echo is not None:
+            bare = echo + inferences[setting.backend]
+            lines.append(
+                f"{setting.processes} x {setting.crew}, {setting.radio}, {setting.backend}: p50 {median:.1f} ms, "
+                f"{median / bare:.1f} times echo robots' {echo:.1f} ms and one inference"
+            )
+    return "\n".join(lines)
+
+
+def table(results: Iterable[tuple[Setting, Speed]]) -> Table:
+    """The results for people."""
+    result = Table(title="A team's ticks", title_justify="left")
+    columns = ("team", "radio", "computes", "ticks", "ticks/s", "p50 ms", "p99 ms", "start s", "MiB/robot",
+               "missing")  # fmt: skip
+    for heading in columns:
+        result.add_column(heading, justify="right")
+    for setting, speed in results:
+        result.add_row(
+            f"{setting.processes} x {setting.crew}",
+            setting.radio,
+            setting.backend,
+            str(speed.ticks),
+            f"{speed.ticks_per_second:.0f}",
+            f"{speed.p50:.1f}",
+            f"{speed.p99:.1f}",
+            f"{speed.startup:.1f}",
+            f"{speed.memory:.0f}",
+            str(speed.missing),
+        )
+    return result

@@ -1,0 +1,180 @@
+"""Which processes make a team, and what each is told: the same for ``magat run`` and for the launch file.
+
+Free of ROS and of launch.
+"""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import yaml
+
+#: A name that ROS takes for a namespace: letters, digits and underscores, parts separated by slashes.
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
+#: Words that ROS's parameters take for a truth value or a number.
+_NO_NAMES = {"y", "n", "yes", "no", "on", "off", "true", "false", "nan", "inf", "infinity"}
+
+#: Environment variables of every process. What one robot computes is small: threads would only wait for each other.
+ENVIRONMENT = {"OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
+
+
+class TeamFileError(RuntimeError):
+    """A team, or a file that describes one, cannot be used; the message says what is wrong with it."""
+
+
+@dataclass(frozen=True)
+class TeamFile:
+    """The robots of a team, and how they share processes.
+
+    Raises:
+        TeamFileError: no robots, a name that is none or comes twice, or a crew of nobody.
+    """
+
+    #: Names, which are the robots' namespaces, in the simulator's order.
+    robots: tuple[str, ...]
+    #: Robots in each process; the last may have fewer.
+    crew: int = 1
+
+    def __post_init__(self) -> None:
+        """Check what is given, whatever its types."""
+        if not self.robots:
+            raise TeamFileError("the team has no robots: name at least one")
+        for name in self.robots:
+            if not isinstance(name, str):
+                raise TeamFileError(f"the robot {name!r} is no text but {type(name).__name__}: put it in quotes")
+            if not _NAME.fullmatch(name) or name.lower() in _NO_NAMES:
+                raise TeamFileError(
+                    f"the robot {name!r} cannot be called so: use letters, digits and _, no digit first, "
+                    f"and none of {', '.join(sorted(_NO_NAMES))}"
+                )
+        twice = sorted({name for name in self.robots if self.robots.count(name) > 1})
+        if twice:
+            raise TeamFileError(f"{', '.join(twice)}: named more than once, and each robot has a name of its own")
+        if not isinstance(self.crew, int) or isinstance(self.crew, bool) or self.crew < 1:
+            raise TeamFileError(f"the crew is {self.crew!r}: give a number of robots for each process, at least 1")
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Read a YAML file with the keys ``robots`` (a list of names) and ``crew`` (a number; may be left out).
+
+        Raises:
+            TeamFileError: there is no such file, or it does not describe a team.
+        """
+        try:
+            said: Any = yaml.safe_load(path.read_text())
+        except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+            raise TeamFileError(f"the team file {path} cannot be read: {error}") from error
+        try:
+            if not isinstance(said, dict) or not isinstance(said.get("robots"), list):
+                raise TeamFileError("it has no list of names under the key robots, such as robots: [alice, bob]")
+            unknown = sorted(str(key) for key in said.keys() - {"robots", "crew"})
+            if unknown:
+                raise TeamFileError(f"it has the unknown keys {', '.join(unknown)}: there are robots and crew")
+            return cls(tuple(said["robots"]), said.get("crew", 1))
+        except TeamFileError as error:
+            raise TeamFileError(f"the team file {path} cannot be used: {error}") from error
+
+    @classmethod
+    def numbered(cls, robots: int, crew: int = 1) -> Self:
+        """A team of ``robots`` that are called robot_0, robot_1 and so on, with as many digits as the last one has."""
+        digits = len(str(robots - 1))
+        return cls(tuple(f"robot_{index:0{digits}d}" for index in range(robots)), crew)
+
+    @property
+    def processes(self) -> int:
+        """In how many processes the robots run."""
+        return -(-len(self.robots) // self.crew)
+
+
+@dataclass(frozen=True)
+class Command:
+    """How one process is started."""
+
+    #: Of the process and its log.
+    name: str
+    #: For `ros2 run` and launch files.
+    package: str
+    executable: str
+    #: For `python -m`: the same program.
+    module: str
+    arguments: tuple[str, ...] = ()
+    #: What follows `--ros-args`.
+    ros_arguments: tuple[str, ...] = ()
+
+    @property
+    def python(self) -> list[str]:
+        """What follows ``python -m``."""
+        return [self.module, *self.arguments, "--ros-args", *self.ros_arguments]
+
+
+def commands(
+    team: TeamFile,
+    policy: Path,
+    *,
+    radio: str = "direct",
+    encoding: str = "",
+    backend: str = "torch",
+    params: Path | None = None,
+    ready_timeout: float | None = None,
+    view: bool = False,
+) -> list[Command]:
+    """The processes of a team, in the order in which they are started.
+
+    Args:
+        team: the robots.
+        policy: folder of the policy that each robot carries.
+        radio: direct (robots hear each other) or relayed (through the simulator).
+        encoding: of messages; that of the policy's configuration if empty.
+        backend: what computes the policy: torch or onnx.
+        params: ROS parameter file for every process. Where it names a node (``/**/robot``) it goes before what is given
+            here, as everywhere in ROS; where it speaks to all (``/**``), after it.
+        ready_timeout: how long an episode waits for robots that are missing, seconds; the simulator's default if None.
+        view: whether there is a view for RViz and the like.
+
+    Raises:
+        TeamFileError: there is no file ``params``.
+    """
+    if params is not None and not params.is_file():
+        raise TeamFileError(f"there is no parameter file {params}")
+    shared = ("--params-file", str(params.resolve())) if params is not None else ()
+    sized = ("-p", f"team_size:={len(team.robots)}")
+    heard = ("-p", f"radio:={radio}")
+    carried = ("-p", f"policy:={policy}", *(("-p", f"encoding:={encoding}") if encoding else ()))
+    roster = ("-p", f"robots:=[{','.join(team.robots)}]")
+    patience = ("-p", f"ready_timeout:={ready_timeout:f}") if ready_timeout is not None else ()
+    started = [
+        Command(
+            name="robots",
+            package="magat_robot",
+            executable="robots",
+            module="magat_robot.processes",
+            arguments=("--backend", backend, "--crew", str(team.crew), *team.robots),
+            ros_arguments=(*shared, *carried, *sized, *heard),
+        ),
+        Command(
+            name="simulator",
+            package="magat_sim",
+            executable="simulator",
+            module="magat_sim.node",
+            ros_arguments=(*shared, *roster, *heard, *patience),
+        ),
+        Command(
+            name="expert",
+            package="magat_expert",
+            executable="expert",
+            module="magat_expert.node",
+            ros_arguments=shared,
+        ),
+    ]
+    if view:
+        started.append(
+            Command(
+                name="view",
+                package="magat_sim",
+                executable="view",
+                module="magat_sim.view",
+                ros_arguments=(*shared, *sized),
+            )
+        )
+    return started

@@ -1,0 +1,144 @@
+"""Exports a policy for onnxruntime, see `onnx_policy`."""
+
+import hashlib
+import json
+import logging
+import shutil
+import warnings
+from pathlib import Path
+
+import torch
+from torch import Tensor, nn
+
+from magat_robot.policy import fixed_point as fp
+from magat_robot.policy.config import OBSERVATION_SHAPE, ModelError
+from magat_robot.policy.network import PolicyNetwork, Thought, deploy
+from magat_robot.policy.onnx_policy import (
+    CONTENTS,
+    EXPORT,
+    GIVEN,
+    MESSAGE,
+    MESSAGES,
+    PRESENT,
+    RESULT,
+    TEMPERATURE,
+    VIEW,
+    OnnxPolicy,
+    part_names,
+)
+from magat_robot.policy.store import load_network
+
+#: Robots and messages in the examples that are traced.
+_ROBOTS, _PLACES = 3, 2
+
+
+def export(folder: Path) -> Path:
+    """Write the policy in ``folder`` to its folder ``onnx``; returns that.
+
+    Raises:
+        ModelError: as `load_network`.
+    """
+    network, digest = load_network(folder)
+    deployed = deploy(network)
+    fp.exp_weights(torch.zeros(1, 1, dtype=torch.float64))  # tables are made before they are traced
+    draft = folder / f"{EXPORT}.draft"
+    shutil.rmtree(draft, ignore_errors=True)
+    draft.mkdir()
+    view = torch.zeros(_ROBOTS, *OBSERVATION_SHAPE)
+    thought = deployed.look(view)
+    names = part_names(deployed.rounds)
+    _write(draft / names[0], _Look(deployed), {VIEW: view}, [*_fields(thought), MESSAGE])
+    for number, name in enumerate(names[1:-1]):
+        message = deployed.message(thought)
+        heard = {
+            MESSAGES: message[:, None].expand(-1, _PLACES, -1).contiguous(),
+            PRESENT: torch.ones(_ROBOTS, _PLACES, dtype=torch.bool),
+        }
+        after = deployed.hear(thought, *heard.values())
+        _write(
+            draft / name,
+            _Hear(deployed, number, list(_fields(thought))),
+            _fields(thought) | heard,
+            [*_fields(after), MESSAGE],
+        )
+        thought = after
+    inputs = {"features": thought.features, "x": thought.x, TEMPERATURE: torch.tensor(1.0, dtype=torch.float64)}
+    _write(draft / names[-1], _Decide(deployed), inputs, [RESULT])
+    files = {name: hashlib.sha256((draft / name).read_bytes()).hexdigest() for name in names}
+    (draft / CONTENTS).write_text(json.dumps({"weights": digest, "files": files}, indent=2) + "\n")
+    shutil.rmtree(folder / EXPORT, ignore_errors=True)
+    draft.rename(folder / EXPORT)
+    return folder / EXPORT
+
+
+def exported(folder: Path) -> Path:
+    """As `export`, unless what is there is whole and of these weights."""
+    try:
+        OnnxPolicy(folder)
+    except ModelError:
+        return export(folder)
+    return folder / EXPORT
+
+
+def _fields(thought: Thought) -> dict[str, Tensor]:
+    """The tensors of ``thought`` by name."""
+    fields = {"features": thought.features, "x": thought.x, "total": thought.total}
+    return fields if thought.brought is None else fields | {"brought": thought.brought}
+
+
+class _Part(nn.Module):
+    def __init__(self, network: PolicyNetwork) -> None:
+        super().__init__()
+        self.network = network
+
+    def outputs(self, thought: Thought) -> tuple[Tensor, ...]:
+        finished = thought.rounds == self.network.rounds
+        message = thought.x[:, :0] if finished else self.network.message(thought)
+        # Copies: an output that is an input, or another output, would lose its name.
+        return tuple(tensor.clone() for tensor in (*_fields(thought).values(), message))
+
+
+class _Look(_Part):
+    def forward(self, view: Tensor) -> tuple[Tensor, ...]:
+        return self.outputs(self.network.look(view))
+
+
+class _Hear(_Part):
+    def __init__(self, network: PolicyNetwork, rounds: int, names: list[str]) -> None:
+        super().__init__(network)
+        self.rounds, self.names = rounds, names
+
+    def forward(self, *inputs: Tensor) -> tuple[Tensor, ...]:
+        *fields, messages, present = inputs
+        known = dict(zip(self.names, fields, strict=True))
+        thought = Thought(known["features"], self.rounds, known["x"], known.get("brought"), known["total"])
+        return self.outputs(self.network.hear(thought, messages, present))
+
+
+class _Decide(_Part):
+    def forward(self, features: Tensor, x: Tensor, temperature: Tensor) -> Tensor:
+        thought = Thought(features, self.network.rounds, x, None, x)
+        exponents = fp.snap(self.network.logits(thought) / temperature, fp.EXPONENT_BITS, -1e6, 1e6)
+        return fp.exp_weights(exponents)
+
+
+def _write(path: Path, part: _Part, inputs: dict[str, Tensor], outputs: list[str]) -> None:
+    robots, places = torch.export.Dim("robots", min=1, max=65_536), torch.export.Dim("places", min=1, max=65_536)
+    shapes = []
+    for name, value in inputs.items():
+        dynamic = {0: robots} if value.dim() else {}
+        shapes.append(dynamic | ({1: places} if name in (MESSAGES, PRESENT) else {}))
+    logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # about packages that a policy does not use
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        program = torch.onnx.export(
+            part.eval(),
+            tuple(inputs.values()),
+            input_names=list(inputs),
+            output_names=[GIVEN + name for name in outputs],
+            dynamic_shapes=(tuple(shapes),) if isinstance(part, _Hear) else tuple(shapes),
+            dynamo=True,
+            verbose=False,
+        )
+    assert program is not None
+    program.save(path)

@@ -1,0 +1,350 @@
+"""Teams from files: what is refused, and that `magat run` and the launch file start the same processes alike."""
+
+import importlib.util
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+from unittest import mock
+
+import pytest
+import rclpy
+import yaml
+from ament_index_python.packages import get_package_prefix, get_package_share_directory
+from rcl_interfaces.srv import GetParameters
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rich.console import Console
+
+from magat_bringup.environment import loopback, own_domain
+from magat_bringup.models import find_policy
+from magat_bringup.processes import TeamPlan, TeamProcesses
+from magat_bringup.run import RunPlan, run
+from magat_bringup.team import ENVIRONMENT, Command, TeamFile, TeamFileError, commands
+from magat_robot.policy.config import ModelError
+
+SHARE = Path(get_package_share_directory("magat_bringup"))
+POLICY = "MAGAT-F-128"
+
+
+@pytest.fixture
+def team_file(tmp_path) -> Callable:
+    def write(text: str) -> Path:
+        path = tmp_path / "team.yaml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+# --- The file ---
+
+
+def test_a_team_is_read_from_a_file(team_file):
+    assert TeamFile.read(team_file("robots: [alice, team/bob]\ncrew: 2")) == TeamFile(("alice", "team/bob"), 2)
+    assert TeamFile.read(team_file("robots: [alice]")).crew == 1
+
+
+def test_the_team_that_is_installed_is_the_one_of_ten():
+    assert TeamFile.read(SHARE / "config" / "team.yaml") == TeamFile.numbered(10)
+
+
+def test_numbered_robots_sort_by_name():
+    names = TeamFile.numbered(12).robots
+    assert list(names) == sorted(names)
+    assert TeamFile.numbered(10).robots[9] == "robot_9"
+    assert [TeamFile.numbered(count, 5).processes for count in (5, 6, 10)] == [1, 2, 2]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("robots: [alice", "cannot be read"),
+        ("- alice", "no list of names under the key robots"),
+        ("robots: alice", "no list of names under the key robots"),
+        ("robots: []", "no robots"),
+        ("robots: [alice, 7]", "the robot 7 is no text but int: put it in quotes"),
+        ("robots: [yes]", "the robot True is no text"),
+        ("robots: ['yes']", "'yes' cannot be called so"),
+        ("robots: [3po]", "'3po' cannot be called so"),
+        ("robots: [a-b]", "'a-b' cannot be called so"),
+        ("robots: [/alice]", "'/alice' cannot be called so"),
+        ("robots: [alice, bob, alice]", "alice: named more than once"),
+        ("robots: [alice]\ncrew: 0", "the crew is 0"),
+        ("robots: [alice]\ncrew: many", "the crew is 'many'"),
+        ("robots: [alice]\ncrew: true", "the crew is True"),
+        ("robots: [alice]\nradios: relayed", "unknown keys radios"),
+    ],
+)
+def test_a_bad_team_is_named_with_its_file(team_file, text, said):
+    path = team_file(text)
+    with pytest.raises(TeamFileError) as error:
+        TeamFile.read(path)
+    assert said in str(error.value)
+    assert str(path) in str(error.value)
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(TeamFileError, match=r"no-team\.yaml cannot be read"):
+        TeamFile.read(tmp_path / "no-team.yaml")
+    with pytest.raises(TeamFileError, match=r"no parameter file .*no-params\.yaml"):
+        commands(TeamFile.numbered(2), tmp_path, params=tmp_path / "no-params.yaml")
+
+
+def test_the_module_needs_neither_ros_nor_launch():
+    program = "import sys, magat_bringup.team; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
+    loaded = {name.partition(".")[0] for name in done.stdout.split()}
+    assert "magat_bringup" in loaded
+    assert not loaded & {"rclpy", "launch", "magat_interfaces", "torch"}
+
+
+# --- Launch ---
+
+
+@dataclass
+class LaunchStandIn:
+    """As much of `launch` and `launch_ros` as the launch file uses, where ROS's own are not installed (no wheels)."""
+
+    modules: dict[str, ModuleType] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        class Context:
+            def __init__(self) -> None:
+                self.launch_configurations: dict[str, str] = {}
+
+        class Description:
+            def __init__(self, entities: list) -> None:
+                self.entities = entities
+
+        class Argument:
+            def __init__(
+                self, name: str, *, default_value: str, description: str, choices: list[str] | None = None
+            ) -> None:
+                assert choices is None or default_value in choices
+                self.name, self.default_value, self.choices = name, default_value, choices
+
+            def execute(self, context: Context) -> None:
+                value = context.launch_configurations.setdefault(self.name, self.default_value)
+                assert self.choices is None or value in self.choices
+
+        class Function:
+            def __init__(self, *, function: Callable) -> None:
+                self.execute = function
+
+        class Shutdown:
+            def __init__(self, *, reason: str) -> None:
+                self.reason = reason
+
+        class Configuration:
+            def __init__(self, name: str) -> None:
+                self.name = name
+
+            def perform(self, context: Context) -> str:
+                return context.launch_configurations[self.name]
+
+        class Node:
+            def __init__(
+                self,
+                *,
+                package: str,
+                executable: str,
+                exec_name: str | None = None,
+                arguments: list[str] | None = None,
+                ros_arguments: list[str] | None = None,
+                additional_env: dict[str, str] | None = None,
+                output: str = "log",
+                on_exit: Shutdown | None = None,
+            ) -> None:
+                ros = ["--ros-args", *ros_arguments] if ros_arguments is not None else []
+                program = executable_of(package, executable) if package != "rviz2" else "rviz2"
+                self.cmd = [program, *(arguments or []), *ros, "--ros-args"]
+                self.additional_env = additional_env
+
+        def perform_substitutions(_: Context, part: str) -> str:
+            return part
+
+        contents = {
+            "launch": {"LaunchContext": Context, "LaunchDescription": Description},
+            "launch.actions": {"DeclareLaunchArgument": Argument, "OpaqueFunction": Function, "Shutdown": Shutdown},
+            "launch.substitutions": {"LaunchConfiguration": Configuration},
+            "launch.utilities": {"perform_substitutions": perform_substitutions},
+            "launch_ros": {},
+            "launch_ros.actions": {"Node": Node},
+        }
+        for name, members in contents.items():
+            self.modules[name] = ModuleType(name)
+            vars(self.modules[name]).update(members)
+
+
+def executable_of(package: str, executable: str) -> str:
+    path = Path(get_package_prefix(package)) / "lib" / package / executable
+    assert os.access(path, os.X_OK), f"ros2 run {package} {executable} does not exist: run `make setup`"
+    return str(path)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def launch() -> Iterator[None]:
+    """The real `launch` where it is installed, else the stand-in."""
+    missing = importlib.util.find_spec("launch_ros") is None
+    with mock.patch.dict(sys.modules, LaunchStandIn().modules if missing else {}):
+        yield
+
+
+def launched(skip: int = 0, **arguments: str) -> list[list[str]]:
+    """The command lines, without their first ``skip`` words, that the installed launch file starts."""
+    from launch import LaunchContext  # noqa: I001  (to ruff, `launch` is our folder of that name)
+    from launch.utilities import perform_substitutions
+
+    spec = importlib.util.spec_from_file_location("team_launch", SHARE / "launch" / "team.launch.py")
+    file: Any = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(file)
+    context = LaunchContext()
+    context.launch_configurations.update(arguments)
+    *declared, start = file.generate_launch_description().entities
+    assert arguments.keys() <= {argument.name for argument in declared}
+    for argument in declared:
+        argument.execute(context)
+    nodes = start.execute(context)
+    return [[perform_substitutions(context, part) for part in node.cmd[skip:]] for node in nodes]
+
+
+def as_launched(command: Command) -> list[str]:
+    return [
+        executable_of(command.package, command.executable),
+        *command.arguments,
+        "--ros-args",
+        *command.ros_arguments,
+        "--ros-args",
+    ]
+
+
+@pytest.fixture
+def params(tmp_path) -> Path:
+    """An ordinary parameter file: for nodes by name in any namespace, for one node, for all."""
+    path = tmp_path / "params.yaml"
+    said = {
+        "/**": {"relay_deadline": 0.04},
+        "/**/robot": {"feature_deadline": 0.125},
+        "/bob/robot": {"feature_deadline": 0.5},
+        "/**/simulator": {"tick_deadline": 0.75},
+        "/**/expert": {"searches": 2},
+        "/**/view": {"cell_size": 0.25},
+    }
+    path.write_text(yaml.safe_dump({node: {"ros__parameters": values} for node, values in said.items()}))
+    return path
+
+
+class NotStartedError(Exception):
+    """Instead of processes."""
+
+
+def started(plan: TeamPlan) -> list[tuple[list[str], dict[str, str]]]:
+    """What `TeamProcesses` starts: command lines and environments."""
+    with mock.patch("magat_bringup.processes.subprocess.Popen") as popen:
+        TeamProcesses(plan)
+    return [(call.args[0], call.kwargs["env"]) for call in popen.call_args_list]
+
+
+@pytest.mark.parametrize("crew", [1, 2])
+def test_magat_run_and_the_launch_file_start_the_same(team_file, params, tmp_path, crew):
+    path = team_file(f"robots: [alice, bob, carol]\ncrew: {crew}")
+    chosen = {"radio": "relayed", "encoding": "float16", "backend": "onnx"}
+    by_launch = launched(team=str(path), policy=POLICY, params=str(params), view="true", **chosen)
+
+    # What `magat run` plans, and what comes of it.
+    episodes = RunPlan(1, 10, 20, 20, 0.1, 1, 0, POLICY, tmp_path)
+    with (
+        mock.patch.dict(os.environ),
+        mock.patch("magat_bringup.run.TeamProcesses", side_effect=NotStartedError) as processes,
+        pytest.raises(NotStartedError),
+    ):
+        run(episodes, Console(quiet=True), team=TeamFile.read(path), params=params, view=True, **chosen)
+    (plan,) = processes.call_args.args
+    by_run = started(plan)
+
+    team = plan.commands()
+    assert [command.name for command in team] == ["robots", "simulator", "expert", "view"]
+    assert by_launch == [as_launched(command) for command in team]
+    assert [line for line, _ in by_run] == [[sys.executable, "-m", *command.python] for command in team]
+    assert all(env.items() >= ENVIRONMENT.items() for _, env in by_run)
+    assert all(str(params) in line for line, _ in by_run)
+    robots = by_run[0][0]
+    assert robots[robots.index("--crew") :][:5] == ["--crew", str(crew), "alice", "bob", "carol"]
+    assert f"policy:={find_policy(POLICY)}" in robots
+
+
+def test_both_start_the_same_where_nothing_is_said(tmp_path):
+    by_run = TeamPlan(TeamFile.numbered(10).robots, find_policy(POLICY), tmp_path, {}, view=True).commands()
+    assert launched() == [as_launched(command) for command in by_run]
+    assert len(launched(view="false")) == 3
+    # RViz itself need not be there.
+    assert launched(skip=1, rviz="true")[-1][:2] == ["-d", str(SHARE / "config" / "team.rviz")]
+
+
+def test_the_launch_file_says_what_is_wrong(tmp_path):
+    with pytest.raises(TeamFileError, match=r"no-team\.yaml"):
+        launched(team=str(tmp_path / "no-team.yaml"))
+    with pytest.raises(ModelError, match="no-such-policy"):
+        launched(policy="no-such-policy")
+
+
+def test_a_module_and_an_executable_are_the_same_program(tmp_path):
+    programs = {script.name: script.value for script in entry_points(group="console_scripts")}
+    for command in commands(TeamFile.numbered(2), tmp_path, view=True):
+        if command.package == "magat_expert":  # built by CMake: a script of its own
+            said = Path(executable_of(command.package, command.executable)).read_text()
+            assert f"from {command.module} import main" in said
+        else:
+            assert programs[command.executable] == f"{command.module}:main"
+
+
+# --- Real processes ---
+
+
+@pytest.mark.system
+def test_every_node_takes_an_ordinary_parameter_file(params, tmp_path):
+    wanted = {
+        "/alice/robot": {"feature_deadline": 0.125},
+        "/bob/robot": {"feature_deadline": 0.5},
+        "/simulator": {"tick_deadline": 0.75, "relay_deadline": 0.04, "robots": ["alice", "bob"]},
+        "/expert": {"searches": 2},
+        "/view": {"cell_size": 0.25, "team_size": 2},
+    }
+    with own_domain() as domain, mock.patch.dict(os.environ, loopback(domain)):
+        policy = find_policy(POLICY)
+        plan = TeamPlan(["alice", "bob"], policy, tmp_path, loopback(domain), backend="echo", params=params, view=True)
+        context = Context()
+        rclpy.init(context=context, domain_id=domain)
+        node = rclpy.create_node("asking", context=context)
+        executor = SingleThreadedExecutor(context=context)
+        executor.add_node(node)
+        try:
+            with TeamProcesses(plan) as team:
+                found = {}
+                for name, values in wanted.items():
+                    client = node.create_client(GetParameters, f"{name}/get_parameters")
+                    deadline = time.monotonic() + 40.0
+                    while not client.wait_for_service(0.2):
+                        team.check()
+                        assert time.monotonic() < deadline, f"no {name} after 40 s"
+                    answer = client.call_async(GetParameters.Request(names=list(values)))
+                    executor.spin_until_future_complete(answer, 20.0)
+                    found[name] = dict(zip(values, map(value_of, answer.result().values), strict=True))
+        finally:
+            executor.remove_node(node)
+            node.destroy_node()
+            rclpy.shutdown(context=context)
+    assert found == wanted
+
+
+def value_of(message: Any) -> object:
+    kinds = {2: "integer_value", 3: "double_value", 4: "string_value", 9: "string_array_value"}
+    value = getattr(message, kinds[message.type])
+    return list(value) if message.type == 9 else value

@@ -1,0 +1,119 @@
+"""What computes a policy changes nothing in what it says and decides."""
+
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from magat_robot.policy.config import ModelError
+from magat_robot.policy.deployment import load_policy
+from magat_robot.policy.export import export, exported
+from magat_robot.policy.interface import RobotPolicy
+from magat_robot.policy.onnx_policy import OnnxPolicy
+from magat_robot.policy.store import load, save
+
+VARIANTS = {"MAGAT-F-8": {}, "GAT-B-6-P2": {"taps": 3}}
+
+
+@pytest.fixture(scope="module", params=VARIANTS)
+def folder(request: pytest.FixtureRequest, random_network: Callable, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of a policy that has been exported."""
+    made = tmp_path_factory.mktemp("policy") / request.param
+    save(random_network(request.param, seed=3, **VARIANTS[request.param]), made, "")
+    export(made)
+    return made
+
+
+def said(policy: RobotPolicy, view: np.ndarray, heard: np.ndarray) -> list[bytes]:
+    """All that robots send and decide."""
+    own = policy.encode(view)
+    result = []
+    for _ in policy.config.message_sizes:
+        result.append(own.messages.tobytes())
+        own = policy.hear(own, own.messages[np.maximum(heard, 0)], heard >= 0)
+    decision = policy.decide(own, np.arange(len(view), dtype=np.uint64), 5)
+    return [*result, decision.weights.tobytes(), decision.primitives.tobytes()]
+
+
+@pytest.mark.parametrize("robots", [1, 2, 9, 40])
+def test_onnxruntime_says_and_decides_what_torch_does_to_the_bit(
+    folder: Path, random_team: Callable, robots: int
+) -> None:
+    team = random_team(np.random.default_rng(robots), robots)
+    reference, other = load(folder, temperature=0.7), load_policy(folder, "onnx", temperature=0.7)
+    assert isinstance(other, OnnxPolicy)
+    assert other.digest == reference.digest
+    assert said(other, team.field_of_view, team.heard) == said(reference, team.field_of_view, team.heard)
+
+
+def test_a_robot_that_hears_nobody_decides_alike(folder: Path, random_team: Callable) -> None:
+    view = random_team(np.random.default_rng(1), 5).field_of_view
+    nobody = np.zeros((5, 0), dtype=np.int64)
+    assert said(OnnxPolicy(folder), view, nobody) == said(load(folder), view, nobody)
+
+
+def test_an_observation_of_another_kind_is_refused(folder: Path) -> None:
+    with pytest.raises(ValueError, match="shape"):
+        OnnxPolicy(folder).encode(np.zeros((1, 3, 9, 9), np.uint8))
+    with pytest.raises(ValueError, match="not 2"):
+        OnnxPolicy(folder).encode(np.full((1, 3, 11, 11), 2, np.uint8))
+
+
+def test_it_needs_no_torch(folder: Path) -> None:
+    program = (
+        "import sys; from pathlib import Path; from magat_robot.crew import Crew; "
+        "from magat_robot.policy.deployment import load_policy; "
+        f"load_policy(Path({str(folder)!r}), 'onnx'); sys.exit('torch' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
+
+
+def test_what_is_missing_damaged_or_of_other_weights_is_refused(folder: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    untouched = (copy / "onnx" / "contents.json").stat().st_mtime_ns
+    assert exported(copy) == copy / "onnx"
+    assert (copy / "onnx" / "contents.json").stat().st_mtime_ns == untouched
+    part = copy / "onnx" / "look.onnx"
+    before = part.read_bytes()
+    part.write_bytes(before[:-1] + bytes([before[-1] ^ 1]))
+    with pytest.raises(ModelError, match="damaged: export the policy"):
+        OnnxPolicy(copy)
+    part.unlink()
+    with pytest.raises(ModelError, match="cannot be used"):
+        OnnxPolicy(copy)
+    part.write_bytes(before)
+    contents = json.loads((copy / "onnx" / "contents.json").read_text())
+    (copy / "onnx" / "contents.json").write_text(json.dumps(contents | {"weights": "0" * 64}))
+    with pytest.raises(ModelError, match="exported from the weights 000000000000"):
+        OnnxPolicy(copy)
+
+
+def test_an_export_that_is_not_there_is_made(random_network: Callable, tmp_path: Path) -> None:
+    save(random_network("MAGAT-F-4", taps=1), tmp_path, "")
+    exported(tmp_path)
+    assert OnnxPolicy(tmp_path).config.name == "MAGAT-F-4"
+
+
+def test_only_what_is_a_matter_of_deployment_can_be_changed(folder: Path) -> None:
+    for backend in ("torch", "onnx", "echo"):
+        assert load_policy(folder, backend, encoding="int8").config.encoding == "int8"
+        with pytest.raises(ModelError, match="hidden cannot be changed"):
+            load_policy(folder, backend, hidden=3)
+        with pytest.raises(ModelError, match="float8"):
+            load_policy(folder, backend, encoding="float8")
+
+
+def test_echo_robots_send_messages_of_the_right_size_and_walk_at_random(folder: Path) -> None:
+    echo = load_policy(folder, "echo")
+    own = echo.encode(np.zeros((500, 3, 11, 11), np.uint8))
+    for size in echo.config.message_sizes:
+        assert own.messages.shape == (500, size)
+        own = echo.hear(own, own.messages[:, None], np.ones((500, 1), bool))
+    primitives = echo.decide(own, np.arange(500, dtype=np.uint64), 0).primitives
+    assert np.bincount(primitives, minlength=5).min() > 60

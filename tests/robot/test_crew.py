@@ -1,0 +1,764 @@
+"""Robots in one process decide as each would alone, and as a simulator decides for all, whatever the radio does."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from magat_robot.crew import Answer, Crew, Message, Sight
+from magat_robot.policy.config import ENCODINGS
+from magat_robot.policy.payload import carried, encoded_bytes
+from magat_robot.policy.policy import Decision, Policy
+from magat_sim.relay import Relay
+from magat_sim.simulator import Observation
+
+POLICIES = {
+    "MAGAT": ("MAGAT-F-16", {}),
+    "MAGAT, 2 layers of 3 taps": ("MAGAT-F-8-P3", {"taps": 3, "layers": 2}),
+    "GNN, bare": ("GNN-B-8-P3", {"taps": 3, "layers": 2, "normalise": False}),
+    "GAT that does not talk": ("GAT-F-8", {"taps": 1, "layers": 2}),
+}
+EPISODE = 77
+
+seeds = st.integers(0, 2**32 - 1)
+encodings = st.sampled_from(list(ENCODINGS))
+
+
+@dataclass(frozen=True)
+class Delivery:
+    """Something on its way: to a robot (what it is told, a bundle), to a crew or to the relay (a message)."""
+
+    kind: str
+    to: int
+    #: Whose message.
+    sender: int = -1
+    #: Of the message or bundle.
+    round: int = -1
+    deliver: Callable[[], None] = field(compare=False, default=lambda: None)
+
+
+class Team:
+    """Crews on the air: everything is delivered in an order drawn at random, or lost."""
+
+    def __init__(self, policy: Policy, sizes: Sequence[int], relayed: bool = False, at_once: bool = False) -> None:
+        self.relayed, self.at_once, self.robots = relayed, at_once, sum(sizes)
+        self.crews = [
+            Crew(policy, size, partial(self._sent, number), partial(self._answered, number), relayed)
+            for number, size in enumerate(sizes)
+        ]
+        self.first = np.cumsum([0, *sizes]).tolist()
+        self.answers: dict[int, Answer] = {}
+        self.messages: list[Message] = []
+        self.deadlines = 0
+
+    def crew_of(self, robot: int) -> tuple[int, int]:
+        """The robot's crew, and its number in there."""
+        crew = int(np.searchsorted(self.first, robot, side="right")) - 1
+        return crew, robot - self.first[crew]
+
+    def tick(
+        self,
+        observation: Observation,
+        rng: np.random.Generator,
+        lost: Callable[[Delivery], bool] = lambda delivery: False,
+        tick: int = 0,
+    ) -> dict[int, Answer]:
+        """What the robots answer; those that stay silent are not in there."""
+        self.answers, self.messages, self.deadlines, self.pending = {}, [], 0, []
+        self.progress = [-1] * len(self.crews)  # the last round in which they sent
+        self.tags = rng.integers(1, 2**63, size=self.robots).tolist()
+        rows = [row[row >= 0].tolist() for row in observation.heard]
+        self.relay, self.rng = Relay(self.tags, rows, [True] * self.robots), rng
+        for robot, hears in enumerate(rows):
+            crew, number = self.crew_of(robot)
+            audible = frozenset(self.tags[j] for j in hears)
+            view = observation.field_of_view[robot].tobytes()
+            sight = Sight(EPISODE, tick, int(observation.streams[robot]), self.tags[robot], audible, view)
+            see = partial(self.crews[crew].see, number, sight)
+            self.pending.append(Delivery("sight", robot, deliver=see))
+        while self.pending or self._deadline():
+            if self.pending:
+                delivery = self.pending.pop(rng.integers(len(self.pending)))
+                if not lost(delivery):
+                    delivery.deliver()
+        assert not any(crew.waiting for crew in self.crews)
+        return self.answers
+
+    def _sent(self, crew: int, number: int, message: Message) -> None:
+        sender = self.first[crew] + number
+        assert message.tag == self.tags[sender]
+        self.messages.append(message)
+        self.progress[crew] = message.round
+        if self.relayed:
+            take = partial(self._relay, message)
+            self._put(Delivery("relay", 0, sender, message.round, take))
+            return
+        for to, other in enumerate(self.crews):
+            self._put(Delivery("message", to, sender, message.round, partial(other.hear, message)))
+
+    def _answered(self, crew: int, number: int, answer: Answer) -> None:
+        robot = self.first[crew] + number
+        assert robot not in self.answers
+        self.answers[robot] = answer
+
+    def _relay(self, message: Message) -> None:
+        assert self.relay.receive(message.round, message.tag, 0, message.payload) is None
+        if self.relay.complete:
+            self._hand_on()
+
+    def _hand_on(self) -> None:
+        number = self.relay.round
+        for robot, bundle in enumerate(self.relay.bundles(self.rng)):
+            crew, place = self.crew_of(robot)
+            at = (EPISODE, self.messages[-1].tick, number)
+            hear = partial(self.crews[crew].hear_bundle, place, *at, bundle.payloads)
+            self._put(Delivery("bundle", robot, round=number, deliver=hear))
+
+    def _put(self, delivery: Delivery) -> None:
+        """On its way, or there at once."""
+        if self.at_once:
+            delivery.deliver()
+        else:
+            self.pending.append(delivery)
+
+    def _deadline(self) -> bool:
+        """Nothing is on its way any more: the deadline comes of who has waited longest; False if nobody waits."""
+        waiting = [number for number, crew in enumerate(self.crews) if crew.waiting]
+        if not waiting:
+            return False
+        self.deadlines += 1
+        behind = min(self.progress[number] for number in waiting)
+        if self.relayed and behind >= self.relay.round:
+            self._hand_on()
+            return True
+        for number in self.rng.permutation([number for number in waiting if self.progress[number] == behind]):
+            self.crews[number].overdue()
+        return True
+
+
+def reference(
+    policy: Policy, observation: Observation, heard: Sequence[Sequence[Sequence[int]]], tick: int
+) -> Decision:
+    """As `Policy.decide_together`, but each robot hears others in each round: ``heard[round][robot]`` lists them."""
+    own = policy.encode(observation.field_of_view)
+    for lists in heard:
+        places = max(map(len, lists), default=0)
+        rows = np.array([[*row, *[-1] * (places - len(row))] for row in lists], np.int64).reshape(len(lists), places)
+        own = policy.hear(own, carried(own.messages, policy.config.encoding)[np.maximum(rows, 0)], rows >= 0)
+    return policy.decide(own, observation.streams, tick)
+
+
+def assert_decided(answers: dict[int, Answer], decision: Decision) -> None:
+    logs = decision.log_probabilities
+    for robot, answer in answers.items():
+        assert answer.log_probabilities.dtype == np.float32
+        assert answer.log_probabilities.tobytes() == logs[robot].tobytes()
+        assert answer.primitive == decision.primitives[robot]
+
+
+@pytest.fixture(scope="session", params=POLICIES)
+def make_policy(request: pytest.FixtureRequest, small_policy: Callable) -> Callable:
+    """One of `POLICIES`, with an encoding of messages."""
+    name, sizes = POLICIES[request.param]
+    return lambda encoding="float32": small_policy(name, encoding=encoding, **sizes)
+
+
+@pytest.fixture
+def four_rounds(small_policy: Callable) -> Policy:
+    """A policy whose robots exchange messages in four rounds."""
+    name, sizes = POLICIES["MAGAT, 2 layers of 3 taps"]
+    return small_policy(name, **sizes)
+
+
+@pytest.fixture
+def one_round(small_policy: Callable) -> Policy:
+    """A policy whose robots exchange messages in one round."""
+    return small_policy(*POLICIES["MAGAT"][:1])
+
+
+def partition(rng: np.random.Generator, robots: int) -> list[int]:
+    """Crew sizes: one of all robots, or robots alone, or anything in between."""
+    bounds = np.flatnonzero(rng.random(robots - 1) < rng.choice([0.0, 0.3, 0.7, 1.0])) + 1
+    return np.diff([0, *bounds, robots]).tolist()
+
+
+# --- Nothing is lost ---
+
+
+@pytest.mark.parametrize("relayed", [False, True], ids=["direct", "relayed"])
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_one_crew_and_robots_alone_and_a_simulator_decide_the_same_bits(
+    random_team: Callable, make_policy: Callable, encoding: str, relayed: bool
+) -> None:
+    policy, rng = make_policy(encoding), np.random.default_rng(0)
+    observation = random_team(rng, 12, side=20)
+    decision = policy.decide_together(observation.field_of_view, observation.heard, observation.streams, 5)
+    for sizes in ([12], [1] * 12, [5, 7]):
+        team = Team(policy, sizes, relayed)
+        answers = team.tick(observation, rng, tick=5)
+        assert answers.keys() == set(range(12))
+        assert_decided(answers, decision)
+        assert team.deadlines == 0
+        assert len({answer.primitive for answer in answers.values()}) > 1
+
+
+@pytest.mark.parametrize("relayed", [False, True], ids=["direct", "relayed"])
+@settings(max_examples=12)
+@given(seed=seeds, encoding=encodings)
+def test_decisions_do_not_depend_on_the_order_in_which_anything_arrives(
+    random_team: Callable, make_policy: Callable, relayed: bool, seed: int, encoding: str
+) -> None:
+    policy, rng = make_policy(encoding), np.random.default_rng(seed)
+    robots = int(rng.integers(1, 11))
+    team = Team(policy, partition(rng, robots), relayed)
+    for tick in (3, 4, 8):
+        observation = random_team(rng, robots, side=20)
+        answers = team.tick(observation, rng, tick=tick)
+        decision = policy.decide_together(observation.field_of_view, observation.heard, observation.streams, tick)
+        assert answers.keys() == set(range(robots))
+        assert_decided(answers, decision)
+        audible = (observation.heard >= 0).sum(axis=1)
+        assert [answers[i].heard for i in range(robots)] == audible.tolist()
+        assert {answer.missing for answer in answers.values()} == {0}
+        assert all(answer.compute > 0 for answer in answers.values())
+        assert [answers[i].sight.stream for i in range(robots)] == observation.streams.tolist()
+        assert team.deadlines == 0
+        # Each robot sends one message a round, under its own tag.
+        rounds, size = len(policy.config.message_sizes), policy.config.message_sizes
+        assert len({(m.round, m.tag) for m in team.messages}) == len(team.messages) == rounds * robots
+        assert all(len(m.payload) == encoded_bytes(size[m.round], encoding) for m in team.messages)
+        assert all((m.episode, m.tick) == (EPISODE, tick) for m in team.messages)
+    for crew in team.crews:
+        assert (crew.missing, crew.exchange.dropped) == (0, 0)
+
+
+@pytest.mark.parametrize("relayed", [False, True], ids=["direct", "relayed"])
+@pytest.mark.parametrize("sizes", [[1] * 9, [9], [4, 5]], ids=str)
+def test_what_is_sent_may_arrive_before_the_call_that_sends_it_returns(
+    random_team: Callable, make_policy: Callable, sizes: list[int], relayed: bool
+) -> None:
+    policy, rng = make_policy(), np.random.default_rng(7)
+    observation = random_team(rng, 9, side=20)
+    team = Team(policy, sizes, relayed, at_once=True)
+    answers = team.tick(observation, rng)
+    decision = policy.decide_together(observation.field_of_view, observation.heard, observation.streams, 0)
+    assert answers.keys() == set(range(9))
+    assert_decided(answers, decision)
+    assert all((crew.missing, crew.exchange.dropped) == (0, 0) for crew in team.crews)
+
+
+# --- Something is lost ---
+
+
+@pytest.mark.parametrize("relayed", [False, True], ids=["direct", "relayed"])
+@settings(max_examples=25)
+@given(seed=seeds, encoding=encodings)
+def test_what_is_lost_is_missing_where_it_was_lost_and_nowhere_else(
+    random_team: Callable, make_policy: Callable, relayed: bool, seed: int, encoding: str
+) -> None:
+    policy, rng = make_policy(encoding), np.random.default_rng(seed)
+    robots = int(rng.integers(2, 11))
+    team = Team(policy, partition(rng, robots), relayed)
+    missing = 0
+    for tick in range(2):
+        observation = random_team(rng, robots, side=16)
+        gone: set[Delivery] = set()
+        share = dict.fromkeys(("sight", "message", "relay", "bundle"), rng.choice([0.0, 0.1, 0.4], p=[0.2, 0.5, 0.3]))
+        share |= {"sight": rng.choice([0.0, 0.2])}
+
+        def lost(delivery: Delivery, gone: set[Delivery] = gone, share: dict[str, float] = share) -> bool:
+            if rng.random() < share[delivery.kind]:
+                gone.add(delivery)
+            return delivery in gone
+
+        answers = team.tick(observation, rng, lost, tick)
+        present = [robot for robot in range(robots) if Delivery("sight", robot) not in gone]
+        assert answers.keys() == set(present)
+
+        def came(sender: int, to: int, number: int, present: list[int] = present, gone: set[Delivery] = gone) -> bool:
+            if relayed:
+                way = {Delivery("relay", 0, sender, number), Delivery("bundle", to, round=number)}
+            else:
+                way = {Delivery("message", team.crew_of(to)[0], sender, number)}
+            return sender in present and not way & gone
+
+        audible = [row[row >= 0].tolist() for row in observation.heard]
+        rounds = range(len(policy.config.message_sizes))
+        heard = [[[j for j in audible[i] if came(j, i, number)] for i in range(robots)] for number in rounds]
+        assert_decided(answers, reference(policy, observation, heard, tick))
+        for robot, answer in answers.items():
+            expected = sum(len(audible[robot]) - len(lists[robot]) for lists in heard)
+            assert answer.missing == expected
+            assert answer.heard == max(len(audible[robot]) - expected, 0)
+            missing += expected
+        assert sum(crew.missing for crew in team.crews) == missing
+
+
+# --- One crew, step by step ---
+
+
+class Log:
+    """A crew, what it sent, and what it answered."""
+
+    def __init__(self, policy: Policy, robots: int, relayed: bool = False) -> None:
+        self.policy = policy
+        self.sent: list[tuple[int, Message]] = []
+        self.answers: list[tuple[int, Answer]] = []
+        self.crew = Crew(
+            policy,
+            robots,
+            lambda robot, message: self.sent.append((robot, message)),
+            lambda robot, answer: self.answers.append((robot, answer)),
+            relayed,
+        )
+        rng = np.random.default_rng(12)
+        self.views = (rng.random((8, 3, 11, 11)) < 0.2).astype(np.uint8)
+        #: What eight strangers send in every round, which it makes no difference who they are.
+        size = [(rng.random((8, n)) * 8 * 64).astype(int) / 64 for n in policy.config.message_sizes]
+        self.others = [values.astype("<f4") for values in size]
+
+    def sight(self, robot: int, tick: int = 0, audible: Sequence[int] = (), episode: int = EPISODE) -> Sight:
+        """What a robot is told; it sends under its number + 1000 * (tick + 1)."""
+        tag = robot + 1000 * (tick + 1)
+        return Sight(episode, tick, robot, tag, frozenset(audible), self.views[robot].tobytes())
+
+    def see(self, robot: int, tick: int = 0, audible: Sequence[int] = (), episode: int = EPISODE) -> bool:
+        return self.crew.see(robot, self.sight(robot, tick, audible, episode))
+
+    def message(self, stranger: int, tick: int = 0, number: int = 0, **changes: object) -> Message:
+        """A stranger's message of round ``number``, under its number + 1 as tag."""
+        data = self.others[number][stranger].tobytes()
+        return replace(Message(EPISODE, tick, number, stranger + 1, data), **changes)
+
+    def hear(self, stranger: int, tick: int = 0, number: int = 0, **changes: object) -> None:
+        self.crew.hear(self.message(stranger, tick, number, **changes))
+
+    def bundle(self, robot: int, strangers: Sequence[int] = (), tick: int = 0, number: int = 0, **at: int) -> None:
+        data = [self.others[number][stranger].tobytes() for stranger in strangers]
+        self.crew.hear_bundle(robot, at.get("episode", EPISODE), tick, number, data)
+
+    def expected(self, robot: int, *heard: Sequence[int], tick: int = 0) -> tuple[list[float], int]:
+        """What the robot decides when it hears those strangers, round by round."""
+        own = self.policy.encode(self.views[robot : robot + 1])
+        for number, strangers in enumerate(heard):
+            values = self.others[number][list(strangers)][None]
+            own = self.policy.hear(own, values, np.ones(values.shape[:2], bool))
+        decision = self.policy.decide(own, np.array([robot], np.uint64), tick)
+        return decision.log_probabilities[0].tolist(), int(decision.primitives[0])
+
+    def decided(self) -> dict[int, tuple[list[float], int]]:
+        """The answers since it was last called."""
+        result = {robot: (answer.log_probabilities.tolist(), answer.primitive) for robot, answer in self.answers}
+        assert len(result) == len(self.answers)
+        self.answers.clear()
+        return result
+
+    @property
+    def drops(self) -> int:
+        return self.crew.exchange.dropped
+
+    @property
+    def last_drop(self) -> str:
+        return self.crew.exchange.last_drop
+
+
+def test_a_robot_that_hears_nobody_decides_at_once(one_round: Policy) -> None:
+    log = Log(one_round, 1)
+    assert log.see(0)
+    assert log.decided() == {0: log.expected(0, [])}
+    assert [message.tag for _, message in log.sent] == [1000]
+    assert not log.crew.waiting
+
+
+def test_a_robot_waits_for_all_that_it_can_hear_and_for_nobody_else(one_round: Policy) -> None:
+    log = Log(one_round, 1)
+    log.see(0, audible=[1, 2, 3])
+    for stranger in (2, 6, 0):  # 6 is out of range
+        log.hear(stranger)
+        assert log.crew.waiting
+        assert log.decided() == {}
+    log.hear(1)
+    assert log.decided() == {0: log.expected(0, [0, 1, 2])}
+    assert (log.drops, log.crew.missing) == (0, 0)
+
+
+def test_what_came_before_the_observation_counts(four_rounds: Policy) -> None:
+    log = Log(four_rounds, 1)
+    for number in range(3):
+        for stranger in (0, 1, 4):
+            log.hear(stranger, number=number)
+    log.see(0, audible=[1, 2])
+    assert [message.round for _, message in log.sent] == [0, 1, 2, 3]
+    log.hear(1, number=3)
+    log.hear(0, number=3)
+    assert log.decided() == {0: log.expected(0, *[[0, 1]] * 4)}
+    assert log.drops == 0
+
+
+def test_the_robots_of_a_crew_look_when_all_of_them_can(one_round: Policy) -> None:
+    log = Log(one_round, 3)
+    assert log.see(2, audible=[1])
+    assert not log.see(0, audible=[2])
+    assert (log.sent, log.crew.waiting) == ([], True)
+    log.hear(0)
+    assert not log.see(1)
+    assert [(robot, message.tag) for robot, message in log.sent] == [(0, 1000), (1, 1001), (2, 1002)]
+    log.hear(1)
+    assert log.decided() == {0: log.expected(0, [1]), 1: log.expected(1, []), 2: log.expected(2, [0])}
+
+
+def test_a_robot_without_an_observation_is_silent_and_the_others_go_on(one_round: Policy) -> None:
+    log = Log(one_round, 3)
+    log.see(0)
+    log.see(2, audible=[1000, 1001])  # the others of its crew
+    log.crew.overdue()
+    assert [robot for robot, _ in log.sent] == [0, 2]
+    assert not log.see(1), "too late"
+    assert (log.drops, len(log.sent)) == (1, 2)
+    assert "late" in log.last_drop
+    log.crew.hear(log.sent[0][1])
+    log.crew.overdue()
+    assert log.decided().keys() == {0, 2}
+    assert not log.see(1)
+    assert (log.drops, log.crew.waiting, log.crew.missing) == (2, False, 1)
+    # In the next tick all is well.
+    assert log.see(1, tick=1)
+    log.see(0, tick=1)
+    log.see(2, tick=1)
+    assert log.decided() == {robot: log.expected(robot, [], tick=1) for robot in range(3)}
+
+
+def test_a_message_that_is_lost_is_missing(one_round: Policy) -> None:
+    log = Log(one_round, 2)
+    log.see(0, audible=[1, 2, 3])
+    log.see(1, audible=[3])
+    log.hear(0)
+    log.hear(1)
+    log.crew.overdue()
+    assert [(answer.heard, answer.missing) for _, answer in log.answers] == [(2, 1), (0, 1)]
+    assert log.decided() == {0: log.expected(0, [0, 1]), 1: log.expected(1, [])}
+    assert (log.crew.missing, log.drops) == (2, 0)
+
+
+def test_messages_missing_in_several_rounds_are_all_counted(four_rounds: Policy) -> None:
+    log = Log(four_rounds, 1)
+    log.see(0, audible=[1, 2])
+    for number, strangers in enumerate([[0], [0, 1], [], [1]]):
+        for stranger in strangers:
+            log.hear(stranger, number=number)
+        if number != 1:
+            assert log.sent[-1][1].round == number
+            log.crew.overdue()
+    (_, answer), *_ = log.answers
+    # The simulator is told of the messages heard, at most as many as were announced: so none is taken for another.
+    assert (answer.heard, answer.missing, log.crew.missing) == (0, 4, 4)
+    assert log.decided() == {0: log.expected(0, [0], [0, 1], [], [1])}
+
+
+def test_a_late_message_changes_nothing(one_round: Policy) -> None:
+    log = Log(one_round, 1)
+    log.see(0, audible=[1, 2])
+    log.hear(0)
+    log.crew.overdue()
+    log.hear(1)  # of the tick that has been decided
+    log.crew.overdue()
+    assert log.decided() == {0: log.expected(0, [0])}
+    log.see(0, tick=1, audible=[1, 2])
+    log.hear(0, tick=0)
+    assert (log.drops, log.crew.waiting) == (1, True)
+    assert "late" in log.last_drop
+    log.hear(0, tick=1)
+    log.hear(1, tick=1)
+    assert log.decided() == {0: log.expected(0, [0, 1], tick=1)}
+    assert (len(log.sent), log.crew.missing) == (2, 1)
+
+
+@pytest.mark.parametrize("relayed", [False, True], ids=["direct", "relayed"])
+def test_a_deadline_with_nothing_under_way_does_nothing(one_round: Policy, relayed: bool) -> None:
+    log = Log(one_round, 2, relayed)
+    log.crew.overdue()
+    log.see(0)
+    log.see(1)
+    for robot in range(2) if relayed else ():
+        log.bundle(robot)
+    assert len(log.answers) == 2
+    log.crew.overdue()
+    assert (len(log.answers), len(log.sent), log.drops) == (2, 2, 0)
+
+
+@pytest.mark.parametrize("relayed", [False, True], ids=["direct", "relayed"])
+def test_the_deadline_ends_each_phase_once(four_rounds: Policy, relayed: bool) -> None:
+    log = Log(four_rounds, 2, relayed)
+    log.see(1, audible=[1, 2])
+    for phase in range(5):
+        assert log.answers == []
+        log.crew.overdue()
+        assert len(log.sent) == min(phase + 1, 4)
+    ((robot, answer),) = log.answers
+    assert (robot, answer.heard, answer.missing) == (1, 0, 8)
+    assert log.decided() == {1: log.expected(1, [], [], [], [])}
+    log.crew.overdue()
+    assert (log.answers, len(log.sent)) == ([], 4)
+
+
+@pytest.mark.parametrize("relayed", [False, True], ids=["direct", "relayed"])
+@pytest.mark.parametrize("phase", ["before all looked", "in the first round", "in a later round"])
+def test_a_tick_is_abandoned_when_the_next_one_begins(four_rounds: Policy, relayed: bool, phase: str) -> None:
+    log = Log(four_rounds, 2, relayed)
+    log.see(0, audible=[1])
+    if phase != "before all looked":
+        log.see(1)
+    if phase == "in a later round":
+        log.bundle(0, [0]) if relayed else log.hear(0)
+        log.bundle(1) if relayed else None
+        assert log.sent[-1][1].round == 1
+    sent, drops = len(log.sent), log.drops
+    assert log.see(1, tick=1), "a tick begins"
+    assert not log.see(0, tick=0), "and what was missing of the old one is late"
+    assert (log.drops, len(log.sent)) == (drops + 1, sent)
+    assert not log.see(0, tick=1, audible=[2])
+    assert [(message.tick, message.round) for _, message in log.sent[sent:]] == [(1, 0)] * 2
+    if not relayed:
+        log.hear(0, number=1)  # of the old tick, for which it waited
+    for number in range(4):
+        assert log.answers == []
+        log.bundle(0, [1], tick=1, number=number) if relayed else log.hear(1, tick=1, number=number)
+        log.bundle(1, tick=1, number=number) if relayed else None
+    assert {answer.sight.tick for _, answer in log.answers} == {1}
+    heard = [[1]] * 4
+    assert log.decided() == {0: log.expected(0, *heard, tick=1), 1: log.expected(1, *[[]] * 4, tick=1)}
+    assert log.crew.missing == 0
+
+
+def test_another_episode_begins_at_any_tick(one_round: Policy) -> None:
+    log = Log(one_round, 1)
+    log.see(0, tick=9, audible=[1])
+    log.hear(1, tick=0, episode=EPISODE + 1)
+    assert log.see(0, tick=0, audible=[2], episode=EPISODE + 1)
+    assert log.decided() == {0: log.expected(0, [1])}
+    assert log.drops == 0
+    assert [(message.episode, message.tick) for _, message in log.sent] == [(EPISODE, 9), (EPISODE + 1, 0)]
+
+
+def test_a_repeated_observation_is_dropped_in_every_phase(one_round: Policy) -> None:
+    log = Log(one_round, 2)
+    log.see(0, audible=[1])
+    other = replace(log.sight(0), own_tag=5, field_of_view=log.views[7].tobytes())
+    repeated = 0
+    for step in (lambda: None, partial(log.see, 1), partial(log.hear, 0), lambda: None):
+        step()
+        for sight in (log.sight(0, audible=[1]), other):
+            assert not log.crew.see(0, sight)
+            repeated += 1
+            assert log.drops == repeated
+            assert "repeated" in log.last_drop
+    assert log.decided() == {0: log.expected(0, [0]), 1: log.expected(1, [])}
+    assert {message.tag for _, message in log.sent} == {1000, 1001}
+
+
+def test_an_earlier_observation_is_dropped(one_round: Policy) -> None:
+    log = Log(one_round, 1)
+    log.see(0, tick=5)
+    for tick in (4, 0):
+        assert not log.see(0, tick=tick)
+        assert f"late observation, of tick {tick} after 5" in log.last_drop
+    assert (log.drops, len(log.answers), len(log.sent)) == (2, 1, 1)
+
+
+@pytest.mark.parametrize(
+    ("view", "why"),
+    [
+        (b"", "0 numbers"),
+        (bytes(5), "5 numbers"),
+        (bytes(362), "362 numbers"),
+        (bytes(364), "364 numbers"),
+        (bytes(362) + b"\2", "holds 2"),
+        (b"\xff" + bytes(362), "holds 255"),
+    ],
+    ids=["empty", "short", "one less", "one more", "a two", "a 255"],
+)
+def test_a_wrong_view_is_dropped_and_a_good_one_may_follow(one_round: Policy, view: bytes, why: str) -> None:
+    log = Log(one_round, 2)
+    for wrong in (0, 1):
+        assert not log.crew.see(wrong, replace(log.sight(wrong), field_of_view=view))
+        assert why in log.last_drop
+        assert log.see(wrong) == (wrong == 0)
+    assert log.drops == 2
+    assert log.decided() == {robot: log.expected(robot, []) for robot in range(2)}
+
+
+def test_a_sender_in_nobodys_range_is_not_heard_and_no_fault(one_round: Policy) -> None:
+    log = Log(one_round, 2)
+    log.hear(5)
+    log.see(0, audible=[1])
+    log.hear(6)
+    log.see(1, audible=[2])
+    log.hear(7)
+    log.hear(0)
+    log.hear(1)
+    assert log.decided() == {0: log.expected(0, [0]), 1: log.expected(1, [1])}
+    assert (log.drops, log.crew.missing) == (0, 0)
+
+
+def test_robots_of_one_crew_hear_each_other_over_the_radio_only(one_round: Policy) -> None:
+    log = Log(one_round, 2)
+    log.see(0, audible=[1001])
+    log.see(1, audible=[1000])
+    log.crew.overdue()
+    assert log.decided() == {0: log.expected(0, []), 1: log.expected(1, [])}
+    assert log.crew.missing == 2
+
+
+@pytest.mark.parametrize(
+    ("value", "why"), [(np.nan, "multiples"), (1e30, "multiples"), (-0.25, "multiples"), (0.001, "multiples")], ids=str
+)
+@pytest.mark.parametrize("relayed", [False, True], ids=["direct", "relayed"])
+def test_a_message_that_no_robot_sends_is_dropped_counted_and_missing(
+    one_round: Policy, relayed: bool, value: float, why: str
+) -> None:
+    bad = np.full(16, value, "<f4").tobytes()
+    log = Log(one_round, 1, relayed)
+    log.see(0, audible=[1, 2, 3])
+    if relayed:
+        log.crew.hear_bundle(0, EPISODE, 0, 0, [bad, log.others[0][1].tobytes(), bad])
+    else:
+        # Two alike are two all the same.
+        log.hear(0, payload=bad)
+        log.hear(1)
+        log.hear(2, payload=bad)
+    ((_, answer),) = log.answers
+    assert (answer.heard, answer.missing) == (1, 2)
+    assert log.decided() == {0: log.expected(0, [1])}
+    assert (log.drops, log.crew.missing) == (2, 2)
+    assert why in log.last_drop
+
+
+@pytest.mark.parametrize("payload", [b"", b"abc", bytes(63), bytes(65)], ids=len)
+@pytest.mark.parametrize("relayed", [False, True], ids=["direct", "relayed"])
+def test_a_message_of_another_size_is_dropped_and_counted(one_round: Policy, relayed: bool, payload: bytes) -> None:
+    log = Log(one_round, 1, relayed)
+    log.see(0, audible=[1, 2])
+    if relayed:
+        log.crew.hear_bundle(0, EPISODE, 0, 0, [payload, log.others[0][1].tobytes()])
+    else:
+        log.hear(0, payload=payload)
+        log.hear(1)
+        log.crew.overdue()
+    assert (log.drops, log.crew.missing) == (1, 1)
+    assert f"{len(payload)} bytes, not 64" in log.last_drop
+    assert log.decided() == {0: log.expected(0, [1])}
+
+
+def test_a_second_message_under_one_tag_is_dropped_and_the_first_one_counts(four_rounds: Policy) -> None:
+    log = Log(four_rounds, 1)
+    log.see(0, audible=[1, 2])
+    log.hear(0)
+    log.hear(0, payload=log.others[0][3].tobytes())
+    assert log.drops == 1
+    log.hear(1)
+    log.hear(1)  # its round is over
+    assert log.drops == 2
+    for number in (1, 2, 3):
+        log.hear(0, number=number)
+        log.hear(1, number=number)
+    assert log.decided() == {0: log.expected(0, *[[0, 1]] * 4)}
+
+
+# --- Bundles ---
+
+
+def test_a_crew_decides_when_all_its_bundles_are_there(four_rounds: Policy) -> None:
+    log = Log(four_rounds, 2, relayed=True)
+    log.see(0, audible=[1, 2])
+    log.see(1, audible=[3])
+    for number in range(4):
+        assert [message.round for _, message in log.sent] == [i for i in range(number + 1) for _ in range(2)]
+        log.bundle(1, [2], number=number)
+        assert log.answers == []
+        log.bundle(0, [1, 0], number=number)
+    assert log.decided() == {0: log.expected(0, *[[0, 1]] * 4), 1: log.expected(1, *[[2]] * 4)}
+    assert (log.drops, log.crew.missing) == (0, 0)
+
+
+def test_a_robot_that_hears_nobody_waits_for_its_bundle_too(one_round: Policy) -> None:
+    log = Log(one_round, 1, relayed=True)
+    log.see(0)
+    assert log.crew.waiting
+    log.bundle(0)
+    assert log.decided() == {0: log.expected(0, [])}
+
+
+def test_a_bundle_that_is_lost_leaves_its_robot_deaf_and_no_other(one_round: Policy) -> None:
+    log = Log(one_round, 2, relayed=True)
+    log.see(0, audible=[1, 2])
+    log.see(1, audible=[1, 2, 3])
+    log.bundle(0, [0, 1])
+    log.crew.overdue()
+    assert [(answer.heard, answer.missing) for _, answer in log.answers] == [(2, 0), (0, 3)]
+    assert log.decided() == {0: log.expected(0, [0, 1]), 1: log.expected(1, [])}
+
+
+def test_a_bundle_lacks_what_was_lost_on_the_way_to_the_relay(one_round: Policy) -> None:
+    log = Log(one_round, 1, relayed=True)
+    log.see(0, audible=[1, 2, 3])
+    log.bundle(0, [2])
+    ((_, answer),) = log.answers
+    assert (answer.heard, answer.missing) == (1, 2)
+    assert log.decided() == {0: log.expected(0, [2])}
+
+
+def test_bundles_that_nobody_waits_for_are_dropped_and_counted(four_rounds: Policy) -> None:
+    log = Log(four_rounds, 2, relayed=True)
+    drops = 0
+
+    def dropped(robot: int, *strangers: int, **at: int) -> None:
+        nonlocal drops
+        before = len(log.sent), len(log.answers)
+        log.bundle(robot, strangers, **at)
+        drops += 1
+        assert log.drops == drops
+        assert "bundle" in log.last_drop
+        assert (len(log.sent), len(log.answers)) == before
+
+    dropped(0, 4)  # before the first tick
+    log.see(0, audible=[1])
+    dropped(0, 4)  # before all have looked
+    log.see(1, audible=[1])
+    for number in range(4):
+        for wrong in ({"number": 3 - number}, {"tick": 1}, {"episode": EPISODE + 1}):
+            at = {"number": number} | wrong
+            if at != {"number": number}:
+                dropped(0, 4, **at)
+        dropped(2, 4, number=number)  # there is no such robot
+        log.bundle(0, [0], number=number)
+        dropped(0, 4, number=number)  # a second one
+        log.bundle(1, [0], number=number)
+        dropped(1, 4, number=number)  # when the round is over
+    assert log.decided() == {robot: log.expected(robot, *[[0]] * 4) for robot in range(2)}
+
+
+def test_a_bundle_after_the_deadline_is_dropped(one_round: Policy) -> None:
+    log = Log(one_round, 1, relayed=True)
+    log.see(0, audible=[1])
+    log.crew.overdue()
+    log.bundle(0, [0])
+    assert (log.drops, len(log.answers)) == (1, 1)
+
+
+# --- What strangers can do ---
+
+
+def test_a_flood_of_messages_drowns_none_that_can_be_heard(one_round: Policy) -> None:
+    log = Log(one_round, 1)
+    log.see(0, audible=[1, 2])
+    log.hear(0)
+    data = log.others[0][3].tobytes()
+    for tag in range(100, 20_000):
+        log.hear(3, tag=tag, payload=data)
+    log.hear(1)
+    assert log.decided() == {0: log.expected(0, [0, 1])}
+    assert log.drops == 0

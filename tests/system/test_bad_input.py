@@ -7,7 +7,6 @@ import re
 import subprocess
 import sys
 import types
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -171,26 +170,21 @@ def test_no_hello_makes_a_robot_hear_fewer_others(team):
 
 
 @pytest.fixture
-def lone_simulator(tmp_path):
-    """Starts a simulator of three robots, with nobody there: a client, and the process."""
-
-    @contextmanager
-    def start(radio):
-        with own_domain() as domain:
-            environment = os.environ | loopback(domain)
-            environment.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None)
-            parameters = ["-p", "robots:=[alice, bob, carol]", "-p", f"radio:={radio}", "-p", "ready_timeout:=2.5"]
-            command = [sys.executable, "-m", "magat_sim.node", "--ros-args", *parameters]
-            with subprocess.Popen(command, env=environment) as process:
-                watched = types.SimpleNamespace(check=lambda: None)
-                try:
-                    with EpisodeClient(watched, domain) as client:
-                        client.wait_for_simulator()
-                        yield client
-                finally:
-                    process.terminate()
-
-    return start
+def lone_simulator():
+    """A simulator of three robots, with nobody there; yields a client."""
+    with own_domain() as domain:
+        environment = os.environ | loopback(domain)
+        environment.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None)
+        parameters = ["-p", "robots:=[alice, bob, carol]", "-p", "ready_timeout:=1.5"]
+        command = [sys.executable, "-m", "magat_sim.node", "--ros-args", *parameters]
+        with subprocess.Popen(command, env=environment) as process:
+            watched = types.SimpleNamespace(check=lambda: None)
+            try:
+                with EpisodeClient(watched, domain) as client:
+                    client.wait_for_simulator()
+                    yield client
+            finally:
+                process.terminate()
 
 
 class Pretender(Guest):
@@ -219,29 +213,26 @@ def test_robots_that_do_not_fit_together_are_refused_by_name(lone_simulator):
     goal = RunEpisode.Goal(seed=1, number=0, width=9, height=9, density=0.1, t_max=2)
     zeros = "0" * 12
 
-    def refused(client):
+    def refused():
         try:
-            assert client.run(goal, lambda _: None).result.ticks == 2
+            assert lone_simulator.run(goal, lambda _: None).result.ticks == 2
         except TeamError as error:
             return str(error)
         return "all is well"
 
-    def says(client, said, pretender, **differs):
+    def says(said, pretender, **differs):
         pretender.differs = differs
         # The simulator may not have heard of it yet.
-        return client.spin(lambda: re.search(said, refused(client)), 20.0)
+        return lone_simulator.spin(lambda: re.search(said, refused()), 20.0)
 
-    others = f"does not fit together .*alice, carol: policy {zeros}, float32, direct radio; bob: "
-    with lone_simulator("direct") as client, Pretender(client) as pretender:
+    others = f"does not fit together .*radio is direct; alice, carol: policy {zeros}, float32, direct radio; bob: "
+    with Pretender(lone_simulator) as pretender:
         # It is deaf, and the reason is given with its name.
-        deaf = f"not there after 2.5 s: bob; .*{others}policy {zeros}, float32, relayed radio"
-        assert says(client, deaf, pretender, radio="relayed", peers_heard=0)
-        assert says(client, f"{others}policy {zeros}, int8, direct radio", pretender, encoding="int8")
-        assert says(client, f"{others}policy {'1' * 12}, float32, direct radio", pretender, digest="1" * 64)
-        assert says(client, "all is well", pretender)
-    with lone_simulator("relayed") as client, Pretender(client) as pretender:
-        said = rf"simulator's radio is relayed; .*{others.partition('.*')[2]}policy {zeros}, float32, relayed radio"
-        assert says(client, said, pretender, radio="relayed")
+        deaf = f"not there after 1.5 s: bob; .*{others}policy {zeros}, float32, relayed radio"
+        assert says(deaf, pretender, radio="relayed", peers_heard=0)
+        assert says(f"{others}policy {zeros}, int8, direct radio", pretender, encoding="int8")
+        assert says(f"{others}policy {'1' * 12}, float32, direct radio", pretender, digest="1" * 64)
+        assert says("all is well", pretender)
 
 
 def test_an_impossible_case_is_answered_with_its_reason(team):

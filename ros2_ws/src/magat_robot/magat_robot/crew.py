@@ -128,7 +128,7 @@ class Crew:
     def hear(self, message: Message) -> None:
         """Take the message of any robot, near or far."""
         mine = self.exchange.receive(message.episode, message.tick, message.round, message.tag, message.payload)
-        if mine and self._own is not None and message.round == self._round and message.tag in self._awaited:
+        if mine and self._own is not None and message.round == self._round:
             self._awaited.discard(message.tag)
             if not self._awaited:
                 self._fuse()

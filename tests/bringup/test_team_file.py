@@ -20,13 +20,12 @@ from ament_index_python.packages import get_package_prefix, get_package_share_di
 from rcl_interfaces.srv import GetParameters
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
-from rich.console import Console
 
+from magat_bringup.cli import main
 from magat_bringup.environment import loopback, own_domain
 from magat_bringup.models import find_policy
-from magat_bringup.processes import TeamPlan, TeamProcesses
-from magat_bringup.run import RunPlan, run
-from magat_bringup.team import ENVIRONMENT, Command, TeamFile, TeamFileError, commands
+from magat_bringup.processes import TeamProcesses
+from magat_bringup.team import ENVIRONMENT, Command, TeamFile, TeamFileError, TeamPlan
 from magat_robot.policy.config import ModelError
 
 SHARE = Path(get_package_share_directory("magat_bringup"))
@@ -94,7 +93,7 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
     with pytest.raises(TeamFileError, match=r"no-team\.yaml cannot be read"):
         TeamFile.read(tmp_path / "no-team.yaml")
     with pytest.raises(TeamFileError, match=r"no parameter file .*no-params\.yaml"):
-        commands(TeamFile.numbered(2), tmp_path, params=tmp_path / "no-params.yaml")
+        TeamPlan(TeamFile.numbered(2), tmp_path, params=tmp_path / "no-params.yaml").commands()
 
 
 def test_the_module_needs_neither_ros_nor_launch():
@@ -245,10 +244,10 @@ class NotStartedError(Exception):
     """Instead of processes."""
 
 
-def started(plan: TeamPlan) -> list[tuple[list[str], dict[str, str]]]:
+def started(plan: TeamPlan, logs: Path) -> list[tuple[list[str], dict[str, str]]]:
     """What `TeamProcesses` starts: command lines and environments."""
     with mock.patch("magat_bringup.processes.subprocess.Popen") as popen:
-        TeamProcesses(plan)
+        TeamProcesses(plan, logs, {})
     return [(call.args[0], call.kwargs["env"]) for call in popen.call_args_list]
 
 
@@ -259,15 +258,16 @@ def test_magat_run_and_the_launch_file_start_the_same(team_file, params, tmp_pat
     by_launch = launched(team=str(path), policy=POLICY, params=str(params), view="true", **chosen)
 
     # What `magat run` plans, and what comes of it.
-    episodes = RunPlan(1, 10, 20, 20, 0.1, 1, 0, POLICY, tmp_path)
+    options = [part for name, value in chosen.items() for part in (f"--{name}", value)]
     with (
         mock.patch.dict(os.environ),
+        mock.patch("magat_bringup.cli._exported", return_value=find_policy(POLICY) / "onnx"),
         mock.patch("magat_bringup.run.TeamProcesses", side_effect=NotStartedError) as processes,
         pytest.raises(NotStartedError),
     ):
-        run(episodes, Console(quiet=True), team=TeamFile.read(path), params=params, view=True, **chosen)
-    (plan,) = processes.call_args.args
-    by_run = started(plan)
+        main(["run", "--team", str(path), "--policy", POLICY, "--params", str(params), "--view", *options])
+    plan = processes.call_args.args[0]
+    by_run = started(plan, tmp_path)
 
     team = plan.commands()
     assert [command.name for command in team] == ["robots", "simulator", "expert", "view"]
@@ -281,7 +281,7 @@ def test_magat_run_and_the_launch_file_start_the_same(team_file, params, tmp_pat
 
 
 def test_both_start_the_same_where_nothing_is_said(tmp_path):
-    by_run = TeamPlan(TeamFile.numbered(10).robots, find_policy(POLICY), tmp_path, {}, view=True).commands()
+    by_run = TeamPlan(TeamFile.numbered(10), find_policy(POLICY), view=True).commands()
     assert launched() == [as_launched(command) for command in by_run]
     assert len(launched(view="false")) == 3
     # RViz itself need not be there.
@@ -297,7 +297,7 @@ def test_the_launch_file_says_what_is_wrong(tmp_path):
 
 def test_a_module_and_an_executable_are_the_same_program(tmp_path):
     programs = {script.name: script.value for script in entry_points(group="console_scripts")}
-    for command in commands(TeamFile.numbered(2), tmp_path, view=True):
+    for command in TeamPlan(TeamFile.numbered(2), tmp_path, view=True).commands():
         if command.package == "magat_expert":  # built by CMake: a script of its own
             said = Path(executable_of(command.package, command.executable)).read_text()
             assert f"from {command.module} import main" in said
@@ -319,14 +319,14 @@ def test_every_node_takes_an_ordinary_parameter_file(params, tmp_path):
     }
     with own_domain() as domain, mock.patch.dict(os.environ, loopback(domain)):
         policy = find_policy(POLICY)
-        plan = TeamPlan(["alice", "bob"], policy, tmp_path, loopback(domain), backend="echo", params=params, view=True)
+        plan = TeamPlan(TeamFile(("alice", "bob")), policy, backend="echo", params=params, view=True)
         context = Context()
         rclpy.init(context=context, domain_id=domain)
         node = rclpy.create_node("asking", context=context)
         executor = SingleThreadedExecutor(context=context)
         executor.add_node(node)
         try:
-            with TeamProcesses(plan) as team:
+            with TeamProcesses(plan, tmp_path, loopback(domain)) as team:
                 found = {}
                 for name, values in wanted.items():
                     client = node.create_client(GetParameters, f"{name}/get_parameters")

@@ -11,7 +11,8 @@ import pytest
 from magat_bringup.client import EpisodeClient, EpisodeOutcome
 from magat_bringup.environment import loopback, own_domain
 from magat_bringup.models import find_policy
-from magat_bringup.processes import TeamPlan, TeamProcesses
+from magat_bringup.processes import TeamProcesses
+from magat_bringup.team import TeamFile, TeamPlan
 from magat_interfaces.action import RunEpisode
 from magat_interfaces.msg import RobotStatus
 from magat_node import qos
@@ -66,12 +67,13 @@ def start_named_team(policy_folder, tmp_path_factory):
     """A context manager: ``with start_named_team(names) as team``."""
 
     @contextmanager
-    def start(names: list[str], policy: Path = policy_folder, **options) -> Iterator[RunningTeam]:
+    def start(names: list[str], policy: Path = policy_folder, crew: int = 1, **options) -> Iterator[RunningTeam]:
         with own_domain() as domain:
             environment = loopback(domain)
             os.environ.update(environment)
-            plan = TeamPlan(names, policy, tmp_path_factory.mktemp("logs"), environment, **options)
-            with TeamProcesses(plan) as processes, EpisodeClient(processes, domain) as client:
+            plan = TeamPlan(TeamFile(tuple(names), crew), policy, **options)
+            logs = tmp_path_factory.mktemp("logs")
+            with TeamProcesses(plan, logs, environment) as processes, EpisodeClient(processes, domain) as client:
                 client.wait_for_simulator()
                 yield RunningTeam(processes, client, environment, len(names))
 

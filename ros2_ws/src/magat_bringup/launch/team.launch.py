@@ -14,7 +14,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from magat_bringup.models import find_policy
-from magat_bringup.team import ENVIRONMENT, Command, TeamFile, commands
+from magat_bringup.team import ENVIRONMENT, Command, TeamFile, TeamPlan
 from magat_robot.policy.config import ENCODINGS
 from magat_robot.policy.deployment import BACKENDS
 
@@ -70,7 +70,7 @@ def start(context: LaunchContext) -> list[Node]:
     def given(name: str) -> str:
         return LaunchConfiguration(name).perform(context)
 
-    team = commands(
+    plan = TeamPlan(
         TeamFile.read(Path(given("team"))),
         find_policy(given("policy")),
         radio=given("radio"),
@@ -79,7 +79,7 @@ def start(context: LaunchContext) -> list[Node]:
         params=Path(given("params")) if given("params") else None,
         view=given("view") == "true",
     )
-    nodes = [node(command) for command in team]
+    nodes = [node(command) for command in plan.commands()]
     if given("rviz") == "true":
         layout = ["-d", str(CONFIG / "team.rviz")]
         nodes.append(Node(package="rviz2", executable="rviz2", arguments=layout, output="log"))

@@ -15,7 +15,8 @@ from rich.table import Table
 
 from magat_bringup.client import EpisodeClient
 from magat_bringup.environment import loopback, own_domain
-from magat_bringup.processes import TeamPlan, TeamProcesses
+from magat_bringup.processes import TeamProcesses
+from magat_bringup.team import TeamFile, TeamPlan
 from magat_interfaces.action import RunEpisode
 from magat_robot.policy.deployment import load_policy
 from magat_training.cases import SET_SEED, SPLITS
@@ -67,16 +68,12 @@ def measure(setting: Setting, policy: Path, ticks: int, encoding: str = "") -> S
     Raises:
         TeamError: the team cannot be started, or does not come together.
     """
-    names = [f"robot_{number}" for number in range(setting.robots)]
     with own_domain() as domain, tempfile.TemporaryDirectory() as logs:
         environment = loopback(domain)
         os.environ.update(environment)
         plan = TeamPlan(
-            names,
+            TeamFile.numbered(setting.robots, setting.crew),
             policy,
-            Path(logs),
-            environment,
-            crew=setting.crew,
             radio=setting.radio,
             encoding=encoding,
             backend=setting.backend,
@@ -86,7 +83,7 @@ def measure(setting: Setting, policy: Path, ticks: int, encoding: str = "") -> S
         startup = 0.0
         seconds: list[float] = []
         missing, spent = 0, 0.0
-        with TeamProcesses(plan) as team, EpisodeClient(team, domain) as client:
+        with TeamProcesses(plan, Path(logs), environment) as team, EpisodeClient(team, domain) as client:
             client.wait_for_simulator()
 
             def note(feedback: RunEpisode.Feedback) -> None:
@@ -157,11 +154,11 @@ def summary(results: Iterable[tuple[Setting, Speed]], inferences: Mapping[str, f
 
 def table(results: Iterable[tuple[Setting, Speed]]) -> Table:
     """The results for people."""
-    result = Table(title="A team's ticks", title_justify="left")
+    result = Table(box=None, pad_edge=False)
     columns = ("team", "radio", "computes", "ticks", "ticks/s", "p50 ms", "p99 ms", "start s", "MiB/robot",
                "missing")  # fmt: skip
     for heading in columns:
-        result.add_column(heading, justify="right")
+        result.add_column(heading, justify="right", no_wrap=True)
     for setting, speed in results:
         result.add_row(
             f"{setting.processes} x {setting.crew}",

@@ -51,8 +51,9 @@ def _parser() -> argparse.ArgumentParser:
         "--first", type=int, default=SPLITS["test"].start, help="number of the first case (default: unseen)"
     )
     run.add_argument("--output", type=Path, default=Path("runs/latest"), help="folder for results, pictures and logs")
-    run.add_argument("--team", type=Path, metavar="FILE", help="YAML file that names the robots (see config/team.yaml)")
-    run.add_argument("--crew", type=_positive, default=1, metavar="M", help="robots in each process (default: 1)")
+    robots = run.add_mutually_exclusive_group()
+    robots.add_argument("--team", type=Path, metavar="FILE", help="YAML file that names the robots")
+    robots.add_argument("--crew", type=_positive, default=1, metavar="M", help="robots in each process (default: 1)")
     run.add_argument("--radio", choices=["direct", "relayed"], default="direct", help="relayed: by the simulator")
     run.add_argument("--encoding", choices=sorted(ENCODINGS), default="", help="of messages (default: the policy's)")
     run.add_argument("--backend", choices=BACKENDS, default="torch", help="what computes the policy")
@@ -153,14 +154,15 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(options: argparse.Namespace, console: Console) -> int:
     from magat_bringup.run import RunPlan, run  # ROS is not needed, nor looked for, by the other commands
-    from magat_bringup.team import TeamFile
+    from magat_bringup.team import TeamFile, TeamPlan
 
     plan = RunPlan(**{field.name: getattr(options, field.name) for field in dataclasses.fields(RunPlan)})
-    team = TeamFile.read(options.team) if options.team else TeamFile.numbered(options.robots, options.crew)
-    if options.backend == "onnx":
-        _exported(options.policy, console)
-    given = {name: getattr(options, name) for name in ("radio", "encoding", "backend", "params", "view")}
-    results = run(plan, console, team=team, **given)
+    team = TeamPlan(
+        TeamFile.read(options.team) if options.team else TeamFile.numbered(options.robots, options.crew),
+        _exported(options.policy, console).parent if options.backend == "onnx" else find_policy(options.policy),
+        **{name: getattr(options, name) for name in ("radio", "encoding", "backend", "params", "view")},
+    )
+    results = run(plan, team, console)
     complete = sum(result.success for result in results)
     if complete < options.require:
         console.print(

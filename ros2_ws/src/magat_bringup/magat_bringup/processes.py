@@ -6,13 +6,12 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from magat_bringup.team import ENVIRONMENT, Command, TeamFile, commands
+from magat_bringup.team import ENVIRONMENT, Command, TeamPlan
 
 _PR_SET_PDEATHSIG = 1
 #: How long processes may take to end when asked to, before they are killed, seconds.
@@ -23,66 +22,26 @@ class TeamError(RuntimeError):
     """The team cannot go on; the message says which process failed and what it said."""
 
 
-@dataclass(frozen=True)
-class TeamPlan:
-    """What to start."""
-
-    #: Names of the robots.
-    robots: Sequence[str]
-    #: Folder of the policy that each robot carries.
-    policy: Path
-    #: Folder for the processes' logs.
-    logs: Path
-    #: Environment variables besides this process's own.
-    environment: Mapping[str, str]
-    #: Robots in each process.
-    crew: int = 1
-    #: direct: robots hear each other; relayed: through the simulator.
-    radio: str = "direct"
-    #: Of messages; that of the policy's configuration if empty.
-    encoding: str = ""
-    #: What computes the policy: torch or onnx.
-    backend: str = "torch"
-    #: How long an episode waits for robots that are missing, seconds; the simulator's default if None.
-    ready_timeout: float | None = None
-    #: ROS parameter file for every process.
-    params: Path | None = None
-    #: Whether there is a view, too.
-    view: bool = False
-
-    def commands(self) -> list[Command]:
-        """How the processes are started, one after the other.
-
-        Raises:
-            TeamFileError: the robots make no team, or there is no file ``params``.
-        """
-        return commands(
-            TeamFile(tuple(self.robots), self.crew),
-            self.policy,
-            radio=self.radio,
-            encoding=self.encoding,
-            backend=self.backend,
-            params=self.params,
-            ready_timeout=self.ready_timeout,
-            view=self.view,
-        )
-
-
 class TeamProcesses:
     """Robots, simulator, expert and view, in a ``with`` statement: at its end all of them have ended."""
 
-    def __init__(self, plan: TeamPlan) -> None:
-        """Start the processes; their output goes to ``plan.logs``.
+    def __init__(self, plan: TeamPlan, logs: Path, environment: Mapping[str, str]) -> None:
+        """Start the processes.
+
+        Args:
+            plan: what to start.
+            logs: folder for their output.
+            environment: variables besides this process's own.
 
         Raises:
             TeamFileError: see `TeamPlan.commands`.
         """
         started = plan.commands()
-        self._logs = plan.logs
+        self._logs = logs
         self._logs.mkdir(parents=True, exist_ok=True)
         self._running: dict[str, subprocess.Popen[bytes]] = {}
         # The wheels' guard against a second re-execution must not reach a child without what came of the first.
-        self._environment = {**os.environ, **plan.environment, **ENVIRONMENT}
+        self._environment = {**os.environ, **environment, **ENVIRONMENT}
         self._environment.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None)
         for command in started:
             self._start(command)

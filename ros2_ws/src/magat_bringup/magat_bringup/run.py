@@ -2,7 +2,7 @@
 
 import json
 import os
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
 
@@ -21,28 +21,25 @@ from rich.table import Table
 from magat_bringup.animation import save_animation
 from magat_bringup.client import EpisodeClient, EpisodeOutcome
 from magat_bringup.environment import loopback, own_domain
-from magat_bringup.models import find_policy
 from magat_bringup.picture import save_picture
-from magat_bringup.processes import TeamPlan, TeamProcesses
+from magat_bringup.processes import TeamProcesses
 from magat_bringup.record import EpisodeRecord
-from magat_bringup.team import TeamFile
+from magat_bringup.team import TeamPlan
 from magat_interfaces.action import RunEpisode
 from magat_sim.measures import wilson
 
 
 @dataclass(frozen=True)
 class RunPlan:
-    """Which episodes to run, with whom."""
+    """Which episodes to run."""
 
     episodes: int
-    robots: int
     width: int
     height: int
     density: float
     #: Episodes are the cases ``first``, ``first + 1``, ... under ``seed``.
     seed: int
     first: int
-    policy: str
     #: Folder for logs, results and pictures.
     output: Path
 
@@ -57,81 +54,49 @@ class RunPlan:
         )
 
 
-def run(
-    plan: RunPlan,
-    console: Console,
-    *,
-    team: TeamFile | None = None,
-    radio: str = "direct",
-    encoding: str = "",
-    backend: str = "torch",
-    params: Path | None = None,
-    view: bool = False,
-) -> list[RunEpisode.Result]:
-    """Run the episodes and show them.
-
-    Args:
-        plan: the episodes.
-        console: to show them on.
-        team: the robots, instead of as many as the plan says with names of their numbers.
-        radio: direct (robots hear each other) or relayed (through the simulator).
-        encoding: of messages; that of the policy's configuration if empty.
-        backend: what computes the policy: torch or onnx.
-        params: ROS parameter file for every process.
-        view: whether there is a view for RViz and the like.
+def run(plan: RunPlan, team: TeamPlan, console: Console) -> list[RunEpisode.Result]:
+    """Run the episodes on the team and show them.
 
     Raises:
-        ModelError: there is no such policy.
         TeamFileError: there is no such parameter file.
         TeamError: a process ended, or an episode could not be run.
         KeyboardInterrupt: interrupted; no process is left behind.
     """
-    policy = find_policy(plan.policy)
-    team = team or TeamFile.numbered(plan.robots)
-    plan = replace(plan, robots=len(team.robots))
-    processes = "one process each" if team.crew == 1 else f"in {team.processes} processes"
+    crews = team.team
+    robots = len(crews.robots)
+    processes = "one process each" if crews.crew == 1 else f"in {crews.processes} processes"
     console.print(
-        f"[bold]{plan.robots} robots[/], {processes}, carry [bold]{policy.name}[/] on {plan.width}x{plan.height} "
+        f"[bold]{robots} robots[/], {processes}, carry [bold]{team.policy.name}[/] on {plan.width}x{plan.height} "
         f"cells; they talk over ROS 2, on this machine only"
     )
     outcomes: list[EpisodeOutcome] = []
     with own_domain() as domain:
         environment = loopback(domain)
         os.environ.update(environment)  # for the client, which is in this process
-        if view:
+        if team.view:
             console.print(f"The view is in ROS domain {domain}; RViz needs this environment:")
             console.print(" ".join(f"{name}={value}" for name, value in environment.items()), soft_wrap=True)
-        team_plan = TeamPlan(
-            robots=team.robots,
-            policy=policy,
-            logs=plan.output / "logs",
-            environment=environment,
-            crew=team.crew,
-            radio=radio,
-            encoding=encoding,
-            backend=backend,
-            params=params,
-            view=view,
-        )
         with (
-            TeamProcesses(team_plan) as running,
+            TeamProcesses(team, plan.output / "logs", environment) as running,
             EpisodeClient(running, domain) as client,
             _progress(console) as progress,
         ):
-            _run_episodes(plan, client, progress, outcomes)
+            _run_episodes(plan, robots, client, progress, outcomes)
     results = [outcome.result for outcome in outcomes]
-    console.print(_table(plan, results))
+    console.print(_table(plan, robots, results))
     console.print(
         "[dim]B/tick: bytes of the feature message that a robot sends in a tick; blocked: moves that the shield turned "
         "into IDLE; missing: features that did not arrive in time[/]"
     )
-    _write(plan, policy.name, outcomes, console)
+    _write(plan, team, outcomes, console)
     return results
 
 
-def _run_episodes(plan: RunPlan, client: EpisodeClient, progress: Progress, outcomes: list[EpisodeOutcome]) -> None:
+def _run_episodes(
+    plan: RunPlan, robots: int, client: EpisodeClient, progress: Progress, outcomes: list[EpisodeOutcome]
+) -> None:
     started = monotonic()
-    joining = progress.add_task("robots found each other", total=plan.robots)
+    joining = progress.add_task("robots found each other", total=robots)
     running = progress.add_task("episode", total=None, visible=False)
     client.wait_for_simulator()
 
@@ -140,9 +105,7 @@ def _run_episodes(plan: RunPlan, client: EpisodeClient, progress: Progress, outc
             progress.update(joining, completed=feedback.joined)
             return
         if not progress.tasks[joining].finished:
-            progress.update(
-                joining, completed=plan.robots, description=f"team ready after {monotonic() - started:.1f} s"
-            )
+            progress.update(joining, completed=robots, description=f"team ready after {monotonic() - started:.1f} s")
         progress.update(
             running,
             description=f"episode {len(outcomes) + 1} of {plan.episodes}, {feedback.arrived} robots arrived",
@@ -166,7 +129,7 @@ def _progress(console: Console) -> Progress:
     return Progress(SpinnerColumn(), *columns, console=console, transient=True)
 
 
-def _table(plan: RunPlan, results: list[RunEpisode.Result]) -> Table:
+def _table(plan: RunPlan, robots: int, results: list[RunEpisode.Result]) -> Table:
     count, complete = len(results), sum(result.success for result in results)
     low, high = wilson(complete, count)
     table = Table(
@@ -182,7 +145,7 @@ def _table(plan: RunPlan, results: list[RunEpisode.Result]) -> Table:
     for index, result in enumerate(results):
         table.add_row(
             str(plan.first + index),
-            "yes" if result.success else f"{round(result.p_rg * plan.robots)} of {plan.robots}",
+            "yes" if result.success else f"{round(result.p_rg * robots)} of {robots}",
             f"{result.delta_ft:.1%}",
             str(result.ticks),
             str(result.t_max),
@@ -209,7 +172,7 @@ def _table(plan: RunPlan, results: list[RunEpisode.Result]) -> Table:
     return table
 
 
-def _write(plan: RunPlan, policy: str, outcomes: list[EpisodeOutcome], console: Console) -> None:
+def _write(plan: RunPlan, team: TeamPlan, outcomes: list[EpisodeOutcome], console: Console) -> None:
     fields = RunEpisode.Result.get_fields_and_field_types()
     results = [{name: getattr(outcome.result, name) for name in fields} for outcome in outcomes]
     (plan.output / "results.json").write_text(json.dumps(results, indent=1) + "\n")
@@ -219,7 +182,7 @@ def _write(plan: RunPlan, policy: str, outcomes: list[EpisodeOutcome], console: 
         goals=last.goals,
         positions=last.positions,
         blocked=last.blocked,
-        title=f"{policy}, {plan.width}x{plan.height}, {plan.robots} robots",
+        title=f"{team.policy.name}, {plan.width}x{plan.height}, {len(team.team.robots)} robots",
     )
     picture, animation = plan.output / "episode.png", plan.output / "episode.gif"
     save_picture(record, picture)

@@ -108,73 +108,73 @@ class Command:
         return [self.module, *self.arguments, "--ros-args", *self.ros_arguments]
 
 
-def commands(
-    team: TeamFile,
-    policy: Path,
-    *,
-    radio: str = "direct",
-    encoding: str = "",
-    backend: str = "torch",
-    params: Path | None = None,
-    ready_timeout: float | None = None,
-    view: bool = False,
-) -> list[Command]:
-    """The processes of a team, in the order in which they are started.
+@dataclass(frozen=True)
+class TeamPlan:
+    """A team's processes, and what they are told."""
 
-    Args:
-        team: the robots.
-        policy: folder of the policy that each robot carries.
-        radio: direct (robots hear each other) or relayed (through the simulator).
-        encoding: of messages; that of the policy's configuration if empty.
-        backend: what computes the policy: torch or onnx.
-        params: ROS parameter file for every process. Where it names a node (``/**/robot``) it goes before what is given
-            here, as everywhere in ROS; where it speaks to all (``/**``), after it.
-        ready_timeout: how long an episode waits for robots that are missing, seconds; the simulator's default if None.
-        view: whether there is a view for RViz and the like.
+    team: TeamFile
+    #: Folder of the policy that each robot carries.
+    policy: Path
+    #: direct: robots hear each other; relayed: through the simulator.
+    radio: str = "direct"
+    #: Of messages; that of the policy's configuration if empty.
+    encoding: str = ""
+    #: What computes the policy, see `magat_robot.policy.deployment`.
+    backend: str = "torch"
+    #: ROS parameter file for every process. Where it names a node (``/**/robot``) it goes before what is given here, as
+    #: everywhere in ROS; where it speaks to all (``/**``), after it.
+    params: Path | None = None
+    #: How long an episode waits for robots that are missing, seconds; the simulator's default if None.
+    ready_timeout: float | None = None
+    #: Whether there is a view for RViz and the like, too.
+    view: bool = False
 
-    Raises:
-        TeamFileError: there is no file ``params``.
-    """
-    if params is not None and not params.is_file():
-        raise TeamFileError(f"there is no parameter file {params}")
-    shared = ("--params-file", str(params.resolve())) if params is not None else ()
-    sized = ("-p", f"team_size:={len(team.robots)}")
-    heard = ("-p", f"radio:={radio}")
-    carried = ("-p", f"policy:={policy}", *(("-p", f"encoding:={encoding}") if encoding else ()))
-    roster = ("-p", f"robots:=[{','.join(team.robots)}]")
-    patience = ("-p", f"ready_timeout:={ready_timeout:f}") if ready_timeout is not None else ()
-    started = [
-        Command(
-            name="robots",
-            package="magat_robot",
-            executable="robots",
-            module="magat_robot.processes",
-            arguments=("--backend", backend, "--crew", str(team.crew), *team.robots),
-            ros_arguments=(*shared, *carried, *sized, *heard),
-        ),
-        Command(
-            name="simulator",
-            package="magat_sim",
-            executable="simulator",
-            module="magat_sim.node",
-            ros_arguments=(*shared, *roster, *heard, *patience),
-        ),
-        Command(
-            name="expert",
-            package="magat_expert",
-            executable="expert",
-            module="magat_expert.node",
-            ros_arguments=shared,
-        ),
-    ]
-    if view:
-        started.append(
+    def commands(self) -> list[Command]:
+        """How the processes are started, one after the other.
+
+        Raises:
+            TeamFileError: there is no file ``params``.
+        """
+        if self.params is not None and not self.params.is_file():
+            raise TeamFileError(f"there is no parameter file {self.params}")
+        shared = ("--params-file", str(self.params.resolve())) if self.params is not None else ()
+        sized = ("-p", f"team_size:={len(self.team.robots)}")
+        heard = ("-p", f"radio:={self.radio}")
+        carried = ("-p", f"policy:={self.policy}", *(("-p", f"encoding:={self.encoding}") if self.encoding else ()))
+        roster = ("-p", f"robots:=[{','.join(self.team.robots)}]")
+        patience = ("-p", f"ready_timeout:={self.ready_timeout:f}") if self.ready_timeout is not None else ()
+        started = [
             Command(
-                name="view",
+                name="robots",
+                package="magat_robot",
+                executable="robots",
+                module="magat_robot.processes",
+                arguments=("--backend", self.backend, "--crew", str(self.team.crew), *self.team.robots),
+                ros_arguments=(*shared, *carried, *sized, *heard),
+            ),
+            Command(
+                name="simulator",
                 package="magat_sim",
-                executable="view",
-                module="magat_sim.view",
-                ros_arguments=(*shared, *sized),
+                executable="simulator",
+                module="magat_sim.node",
+                ros_arguments=(*shared, *roster, *heard, *patience),
+            ),
+            Command(
+                name="expert",
+                package="magat_expert",
+                executable="expert",
+                module="magat_expert.node",
+                ros_arguments=shared,
+            ),
+        ]
+        if self.view:
+            started.append(
+                Command(
+                    name="view",
+                    package="magat_sim",
+                    executable="view",
+                    module="magat_sim.view",
+                    ros_arguments=(*shared, *sized),
+                )
             )
-        )
-    return started
+        return started

@@ -62,15 +62,14 @@ def recipe(values: dict[str, Any]) -> TrainConfig:
 def write_recipe(config: TrainConfig, path: Path) -> None:
     """Write ``config`` to ``path``, so that `read_recipe` gives it back."""
     values = dataclasses.asdict(config)
-    values["policy"] = config.policy.to_json() | {"channels": list(config.policy.channels)}
+    values["policy"] = config.policy.to_json()
     path.write_text(yaml.safe_dump(values, sort_keys=False))
 
 
 def _policy(values: Any) -> PolicyConfig:
     if not isinstance(values, dict):
         raise ModelError(f"policy is {values!r}: give the name of one, or its fields")
-    defaults = TrainConfig().policy.to_json()
-    return PolicyConfig.from_json(defaults | {"channels": list(defaults["channels"])} | values)
+    return PolicyConfig.from_json(TrainConfig().policy.to_json() | values)
 
 
 def _fits(value: Any, kind: Any) -> bool:

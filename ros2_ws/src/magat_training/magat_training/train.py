@@ -5,7 +5,8 @@ import dataclasses
 import json
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -275,21 +276,13 @@ class Trainer:
         self.network.load_state_dict(state["network"])
         self._optimiser.load_state_dict(state["optimiser"])
 
-    def _timed(self, part: str) -> "_Timer":
-        return _Timer(self.spent, part)
-
-
-class _Timer:
-    """Adds the seconds of a with block to ``spent[part]``."""
-
-    def __init__(self, spent: dict[str, float], part: str) -> None:
-        self._spent, self._part = spent, part
-
-    def __enter__(self) -> None:
-        self._started = time.monotonic()
-
-    def __exit__(self, *_: object) -> None:
-        self._spent[self._part] = self._spent.get(self._part, 0.0) + time.monotonic() - self._started
+    @contextmanager
+    def _timed(self, part: str) -> Iterator[None]:
+        started = time.monotonic()
+        try:
+            yield
+        finally:
+            self.spent[part] = self.spent.get(part, 0.0) + time.monotonic() - started
 
 
 def score(alpha: float, delta_ft: float) -> float:

@@ -1,5 +1,7 @@
 """The graph layers: what a robot makes of its neighbours' messages (MAGAT paper, Eq. 3 and 5 to 9)."""
 
+from abc import ABC, abstractmethod
+
 import torch
 from torch import Tensor, nn
 
@@ -9,7 +11,7 @@ from magat_robot.policy import fixed_point as fp
 LEAKY_SLOPE = 0.2
 
 
-class GraphLayer(fp.Exactable):
+class GraphLayer(fp.Exactable, ABC):
     """``y_i = sigma(x_i A_0 + sum_{k = 1}^{K - 1} [(E * S)^k X]_i A_k)`` per head, heads concatenated (Eq. 5, 8).
 
     ``[(E * S)^k X]_i`` is what reaches robot i over k hops, in k rounds of messages. The subclasses say how the
@@ -58,6 +60,7 @@ class GraphLayer(fp.Exactable):
             mean = torch.einsum("rpm,rmpf->rpf", weights, values) / total
         return fp.snap(mean, fp.EXPONENT_BITS, 0.0, fp.ACTIVATION_MAX) if self.exact else mean
 
+    @abstractmethod
     def attention(self, x: Tensor, keys: Tensor, present: Tensor) -> tuple[Tensor, Tensor]:
         """How much each receiver listens to each of its messages.
 
@@ -69,11 +72,6 @@ class GraphLayer(fp.Exactable):
         Returns:
             Weights ``[R, P, M]``, 0 where there is no message, and their sums ``[R, P, 1]``; e_ij is their quotient.
         """
-        return self._softmax(self.scores(x, keys), present)
-
-    def scores(self, x: Tensor, keys: Tensor) -> Tensor:
-        """``[R, P, M]``, e_ij before LeakyReLU and softmax; arguments as for `attention`."""
-        raise NotImplementedError
 
     def tap(self, hops: int, brought: Tensor) -> Tensor:
         """``[(E * S)^k X] A_k`` for k = ``hops`` from 1: ``[R, P, F]`` to ``[R, P * G]``."""
@@ -82,7 +80,13 @@ class GraphLayer(fp.Exactable):
     def fold(self) -> None:
         """Compute in advance what depends on weights alone; called once, on deployment."""
 
-    def _softmax(self, scores: Tensor, present: Tensor) -> tuple[Tensor, Tensor]:
+
+class ScoredAttention(GraphLayer):
+    """A neighbour weighs the more, the higher its score: ``e_ij = softmax_j LeakyReLU(score_ij)`` (Eq. 6)."""
+
+    def attention(self, x: Tensor, keys: Tensor, present: Tensor) -> tuple[Tensor, Tensor]:
+        """Softmax over what the receiver hears; see `GraphLayer.attention`."""
+        scores = self.scores(x, keys)
         scores = torch.maximum(scores, LEAKY_SLOPE * scores)  # LeakyReLU, in operators that every backend has
         present = present[:, None, :].expand_as(scores)
         if self.exact:
@@ -91,8 +95,12 @@ class GraphLayer(fp.Exactable):
         weights = scores.masked_fill(~present, -1e9).softmax(-1) * present
         return weights, weights.new_ones(*weights.shape[:2], 1)
 
+    @abstractmethod
+    def scores(self, x: Tensor, keys: Tensor) -> Tensor:
+        """``[R, P, M]``; arguments as for `attention`."""
 
-class MessageAwareAttention(GraphLayer):
+
+class MessageAwareAttention(ScoredAttention):
     """MAGAT: ``e_ij = softmax_j LeakyReLU(x_i W x_j^T)`` (Eq. 6, 7)."""
 
     def __init__(self, inputs: int, outputs: int, heads: int, taps: int) -> None:
@@ -102,14 +110,14 @@ class MessageAwareAttention(GraphLayer):
         nn.init.normal_(self.query.weight, std=0.1 / inputs)
 
     def scores(self, x: Tensor, keys: Tensor) -> Tensor:
-        """``x_i W x_j^T``; see `GraphLayer.scores`."""
+        """``x_i W x_j^T``; see `ScoredAttention.scores`."""
         query = self.query(x).unflatten(1, (self.heads, -1))
         if self.exact:
             query = fp.snap(query, fp.ACTIVATION_BITS, -fp.SIGNED_MAX, fp.SIGNED_MAX)
         return query @ keys.transpose(1, 2)
 
 
-class GraphAttention(GraphLayer):
+class GraphAttention(ScoredAttention):
     """GAT: ``e_ij = softmax_j LeakyReLU((x_i A_1 || x_j A_1) H)`` (Eq. 6, 9; Velickovic et al., ICLR 2018).
 
     The paper leaves open which A_k: it is that of the first hop, with which the same messages are fused.
@@ -122,7 +130,7 @@ class GraphAttention(GraphLayer):
         self.folded: nn.Parameter | None = None
 
     def scores(self, x: Tensor, keys: Tensor) -> Tensor:
-        """``(x_i A_1 || x_j A_1) H``; see `GraphLayer.scores`."""
+        """``(x_i A_1 || x_j A_1) H``; see `ScoredAttention.scores`."""
         receiver, sender = self._projections() if self.folded is None else self.folded
         return (x @ receiver.T)[:, :, None] + (keys @ sender.T).transpose(1, 2)
 

@@ -24,6 +24,10 @@ demo: setup ## Run ten episodes with a team of robot processes (ARGS="--robots 2
 test: setup ## Run the tests (ARGS="-k shield" passes options on to pytest)
 	@$(SOURCE_WORKSPACE) && $(BIN)/python -m pytest $(ARGS)
 
+.PHONY: test-system
+test-system: setup ## Run all tests with real processes, those that inject faults or take long, too
+	@$(SOURCE_WORKSPACE) && $(BIN)/python -m pytest -m "system or faults" $(ARGS)
+
 .PHONY: bench-expert
 bench-expert: setup ## Time the expert on the scenario sets (ARGS="--large" adds the large ones)
 	@$(BIN)/magat bench-expert $(ARGS)

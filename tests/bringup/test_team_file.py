@@ -160,7 +160,12 @@ class LaunchStandIn:
                 additional_env: dict[str, str] | None = None,
                 output: str = "log",
                 on_exit: Shutdown | None = None,
+                respawn: bool = False,
+                respawn_delay: float | None = None,
+                respawn_max_retries: int = -1,
             ) -> None:
+                assert not (respawn and on_exit), "its first end would be that of all"
+                self.respawn, self.on_exit = respawn, on_exit
                 ros = ["--ros-args", *ros_arguments] if ros_arguments is not None else []
                 program = executable_of(package, executable) if package != "rviz2" else "rviz2"
                 self.cmd = [program, *(arguments or []), *ros, "--ros-args"]
@@ -201,17 +206,22 @@ def launched(skip: int = 0, **arguments: str) -> list[list[str]]:
     from launch import LaunchContext  # noqa: I001  (to ruff, `launch` is our folder of that name)
     from launch.utilities import perform_substitutions
 
+    context = LaunchContext()
+    nodes = launched_nodes(context, **arguments)
+    return [[perform_substitutions(context, part) for part in node.cmd[skip:]] for node in nodes]
+
+
+def launched_nodes(context: Any, **arguments: str) -> list:
+    """The actions of the installed launch file."""
     spec = importlib.util.spec_from_file_location("team_launch", SHARE / "launch" / "team.launch.py")
     file: Any = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(file)
-    context = LaunchContext()
     context.launch_configurations.update(arguments)
     *declared, start = file.generate_launch_description().entities
     assert arguments.keys() <= {argument.name for argument in declared}
     for argument in declared:
         argument.execute(context)
-    nodes = start.execute(context)
-    return [[perform_substitutions(context, part) for part in node.cmd[skip:]] for node in nodes]
+    return start.execute(context)
 
 
 def as_launched(command: Command) -> list[str]:
@@ -276,7 +286,8 @@ def test_magat_run_and_the_launch_file_start_the_same(team_file, params, tmp_pat
     assert all(env.items() >= ENVIRONMENT.items() for _, env in by_run)
     assert all(str(params) in line for line, _ in by_run)
     robots = by_run[0][0]
-    assert robots[robots.index("--crew") :][:5] == ["--crew", str(crew), "alice", "bob", "carol"]
+    crews = ["--crew", str(crew), "--respawn", "alice", "bob", "carol"]
+    assert robots[robots.index("--crew") :][: len(crews)] == crews
     assert f"policy:={find_policy(POLICY)}" in robots
 
 
@@ -286,6 +297,18 @@ def test_both_start_the_same_where_nothing_is_said(tmp_path):
     assert len(launched(view="false")) == 3
     # RViz itself need not be there.
     assert launched(skip=1, rviz="true")[-1][:2] == ["-d", str(SHARE / "config" / "team.rviz")]
+
+
+@pytest.mark.skipif(importlib.util.find_spec("launch_ros") is not None, reason="real actions do not tell")
+def test_what_ends_is_started_again_or_ends_the_rest():
+    from launch import LaunchContext
+
+    again = launched_nodes(LaunchContext())
+    assert [(node.respawn, node.on_exit is not None) for node in again] == [(False, True)] + [(True, False)] * 3
+    assert "--respawn" in again[0].cmd
+    not_again = launched_nodes(LaunchContext(), respawn="false")
+    assert [(node.respawn, node.on_exit is not None) for node in not_again] == [(False, True)] * 3 + [(False, False)]
+    assert "--respawn" not in not_again[0].cmd
 
 
 def test_the_launch_file_says_what_is_wrong(tmp_path):

@@ -450,7 +450,7 @@ def test_bundles_that_nobody_waits_for_are_dropped_and_counted(four_rounds: Poli
 
     dropped(0, 4)  # before the first tick
     log.see(0, audible=[1])
-    dropped(0, 4)  # before all have looked
+    dropped(2, 4)  # there is no such robot
     log.see(1, audible=[1])
     for number in range(4):
         for wrong in ({"number": 3 - number}, {"tick": 1}, {"episode": EPISODE + 1}):
@@ -463,6 +463,33 @@ def test_bundles_that_nobody_waits_for_are_dropped_and_counted(four_rounds: Poli
         log.bundle(1, [0], number=number)
         dropped(1, 4, number=number)  # when the round is over
     assert log.decided() == {robot: log.expected(robot, *[[0]] * 4) for robot in range(2)}
+
+
+def test_a_bundle_that_comes_before_all_have_looked_is_kept(four_rounds: Policy) -> None:
+    """One of the crew misses its observation: the others' bundles do not wait for this process to go on without it."""
+    log = Log(four_rounds, 3, relayed=True)
+    for robot in (0, 2):
+        log.see(robot, audible=[1])
+    log.bundle(0, [0])
+    log.bundle(1, [4])
+    log.bundle(0, [5])
+    assert (log.drops, log.sent) == (1, [])
+    log.crew.overdue()
+    assert len(log.sent) == 2
+    log.bundle(2, [0])
+    assert len(log.sent) == 4, "the next round"
+    for number in range(1, 4):
+        for robot in (0, 2):
+            log.bundle(robot, [0], number=number)
+    assert log.decided() == {robot: log.expected(robot, *[[0]] * 4) for robot in (0, 2)}
+    # What was kept is of one tick.
+    for robot in range(3):
+        log.see(robot, tick=1, audible=[1])
+    sent = len(log.sent)
+    for robot in range(3):
+        assert len(log.sent) == sent
+        log.bundle(robot, [0], tick=1)
+    assert (log.drops, len(log.sent)) == (1, sent + 3)
 
 
 def test_a_bundle_after_the_deadline_is_dropped(one_round: Policy) -> None:

@@ -4,7 +4,7 @@ import pytest
 
 from magat_sim.team import FRESH, SILENT_TICKS, Equipment, Team
 
-EQUIPMENT = Equipment("digest" * 4, "float32", "direct")
+EQUIPMENT = Equipment("digest" * 4, "float32", "direct", 1)
 
 
 @pytest.fixture
@@ -64,8 +64,40 @@ def test_silence_ends_and_an_answer_begins_taking_part(team):
     assert team.account([True, False, True]) == [], "it is reported once"
     assert team.readmit(0.1) == [], "what it answered before does not count"
     team.by_name["b"].answered(5.0)
-    assert team.readmit(5.1) == ["b"]
+    assert team.readmit(5.1) == [], "what it carries is not known"
+    team.by_name["b"].reported(5.1, 2, EQUIPMENT)
+    assert team.readmit(5.2) == ["b"]
     assert team.account([True, False, True]) == []
+
+
+def test_who_comes_back_with_something_else_takes_no_part(team):
+    for name in "abc":
+        make_ready(team, name, 0.0)
+    assert team.gather(0.0) == []
+    assert team.strangers() == []
+    other = EQUIPMENT._replace(digest="another")
+    # So quick that nobody missed it.
+    team.by_name["b"].reported(1.0, 2, other)
+    assert team.account([True, True, True]) == ["b"]
+    for now in (1.0, 2.0):
+        team.by_name["b"].answered(now)
+        team.by_name["b"].reported(now, 2, other)
+        assert team.strangers() == ["b"]
+        assert team.readmit(now) == []
+    team.by_name["b"].reported(3.0, 2, EQUIPMENT)
+    assert team.strangers() == []
+    assert team.readmit(2.5) == ["b"]
+
+
+def test_a_team_of_which_all_are_absent_can_come_back(team):
+    for name in "abc":
+        make_ready(team, name, 0.0)
+    assert team.gather(0.0) == []
+    for _ in range(SILENT_TICKS):
+        team.account([False, False, False])
+    for name in "abc":
+        make_ready(team, name, 9.0)
+    assert team.readmit(9.0) == ["a", "b", "c"]
 
 
 def test_robots_of_one_equipment_fit_together(team):

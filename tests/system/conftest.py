@@ -1,18 +1,20 @@
 """Teams of real processes for tests."""
 
+import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
+import yaml
 
 from magat_bringup.client import EpisodeClient, EpisodeOutcome
 from magat_bringup.environment import loopback, own_domain
 from magat_bringup.models import find_policy
 from magat_bringup.processes import TeamProcesses
-from magat_bringup.team import TeamFile, TeamPlan
+from magat_bringup.team import Command, TeamFile, TeamPlan
 from magat_interfaces.action import RunEpisode
 from magat_interfaces.msg import RobotStatus
 from magat_node import qos
@@ -27,6 +29,12 @@ class RunningTeam:
     client: EpisodeClient
     environment: dict[str, str]
     robots: int
+    #: What the processes have said: their names, and lines.
+    said: list[tuple[str, str]]
+
+    def has_said(self, process: str, words: str) -> bool:
+        """Whether ``process`` has said ``words`` in a line."""
+        return any(name == process and words in line for name, line in self.said)
 
     def goal(self, number: int, seed: int = SET_SEED, **fields) -> RunEpisode.Goal:
         size = {"width": 20, "height": 20, "density": 0.1, **fields}
@@ -56,6 +64,23 @@ class RunningTeam:
         return said
 
 
+@dataclass(frozen=True)
+class FaultyPlan(TeamPlan):
+    """A team behind a bad network."""
+
+    #: By the last part of a topic's name: see `bad_network`.
+    faults: dict[str, dict[str, float]] = field(default_factory=dict)
+
+    def commands(self) -> list[Command]:
+        """As `TeamPlan.commands`, of robots and simulator started by `bad_network`."""
+        faulty = ("robots", "simulator") if self.faults else ()
+        return [self._behind(command) if command.name in faulty else command for command in super().commands()]
+
+    def _behind(self, command: Command) -> Command:
+        arguments = (json.dumps(self.faults), command.module, *command.arguments)
+        return replace(command, module="bad_network", arguments=arguments)
+
+
 @pytest.fixture(scope="session")
 def policy_folder() -> Path:
     """The shipped policy."""
@@ -67,15 +92,31 @@ def start_named_team(policy_folder, tmp_path_factory):
     """A context manager: ``with start_named_team(names) as team``."""
 
     @contextmanager
-    def start(names: list[str], policy: Path = policy_folder, crew: int = 1, **options) -> Iterator[RunningTeam]:
+    def start(
+        names: list[str],
+        policy: Path = policy_folder,
+        crew: int = 1,
+        faults: dict[str, dict[str, float]] | None = None,
+        parameters: dict[str, dict[str, float]] | None = None,
+        **options,
+    ) -> Iterator[RunningTeam]:
         with own_domain() as domain:
             environment = loopback(domain)
             os.environ.update(environment)
-            plan = TeamPlan(TeamFile(tuple(names), crew), policy, **options)
             logs = tmp_path_factory.mktemp("logs")
-            with TeamProcesses(plan, logs, environment) as processes, EpisodeClient(processes, domain) as client:
+            if parameters:
+                options["params"] = logs / "parameters.yaml"
+                by_node = {f"/**/{node}": {"ros__parameters": values} for node, values in parameters.items()}
+                options["params"].write_text(yaml.safe_dump(by_node))
+            plan = FaultyPlan(TeamFile(tuple(names), crew), policy, faults=faults or {}, **options)
+            importable = {"PYTHONPATH": f"{Path(__file__).parent}:{os.environ.get('PYTHONPATH', '')}"}
+            said: list[tuple[str, str]] = []
+            with (
+                TeamProcesses(plan, logs, environment | importable, lambda *line: said.append(line)) as processes,
+                EpisodeClient(processes, domain) as client,
+            ):
                 client.wait_for_simulator()
-                yield RunningTeam(processes, client, environment, len(names))
+                yield RunningTeam(processes, client, environment, len(names), said)
 
     return start
 

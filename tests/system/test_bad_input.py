@@ -178,7 +178,7 @@ def lone_simulator():
         parameters = ["-p", "robots:=[alice, bob, carol]", "-p", "ready_timeout:=1.5"]
         command = [sys.executable, "-m", "magat_sim.node", "--ros-args", *parameters]
         with subprocess.Popen(command, env=environment) as process:
-            watched = types.SimpleNamespace(check=lambda: None)
+            watched = types.SimpleNamespace(check=lambda: None, starts=lambda name: 1)
             try:
                 with EpisodeClient(watched, domain) as client:
                     client.wait_for_simulator()

@@ -142,7 +142,7 @@ def test_so_do_crews_whose_messages_travel_several_hops_and_one_that_dies_takes_
     save(random_network("MAGAT-F-16-P2", taps=3, layers=2), policy, "")
     size = {"width": 14, "height": 14}
     walks = batched(policy, "float16", robots=6, **size)
-    with start_team(6, policy=policy, radio="relayed", crew=2, encoding="float16") as team:
+    with start_team(6, policy=policy, radio="relayed", crew=2, encoding="float16", respawn=False) as team:
         for index in range(2):
             outcome = team.run_undisturbed(team.goal(CASES[index], **size))
             # Four rounds: x, x and what two heads brought, and the same of the second layer, whose x is of two heads.

@@ -27,7 +27,7 @@ CASE = SPLITS["test"][9]
 
 
 def test_a_robot_killed_in_mid_episode_stays_in_the_world_and_nobody_runs_into_it(start_team):
-    with start_team(5, ready_timeout=20.0) as team:
+    with start_team(5, ready_timeout=20.0, respawn=False) as team:
         victims = []
 
         def kill_at_tick_three(feedback):
@@ -113,7 +113,7 @@ def test_ten_robots_are_up_within_ten_seconds_and_each_costs_less_than_100_mib(s
 
 
 def test_a_robot_started_alone_walks_the_same_path(start_team, policy_folder):
-    with start_team(3, ready_timeout=20.0) as team:
+    with start_team(3, ready_timeout=20.0, respawn=False) as team:
         forked = team.run(team.goal(CASE)).recording.positions
         os.kill(team.processes.pids("robots")[0], signal.SIGKILL)
         # Which of the three died shows in which one the simulator misses.
@@ -135,8 +135,8 @@ def test_robots_of_one_team_can_share_a_process_and_others_cannot():
     assert _carrying(["alice"]) == ["-r", "__ns:=/alice"]
     assert _carrying(["/warehouse/alice/"]) == ["-r", "__ns:=/warehouse/alice"]
     # Shared topics lie in the team's namespace, whichever way its robots are carried.
-    assert _carrying(["alice", "bob"]) == ["-r", "__ns:=/", "-p", "robots:=[alice,bob]"]
-    crew = ["-r", "__ns:=/hall/left", "-p", "robots:=[alice,bob]"]
+    assert _carrying(["alice", "bob"]) == ["-r", "__ns:=/alice", "-p", "robots:=[alice,bob]"]
+    crew = ["-r", "__ns:=/hall/left/alice", "-p", "robots:=[alice,bob]"]
     assert _carrying(["hall/left/alice", "/hall/left/bob"]) == crew
     with pytest.raises(ValueError, match="of different teams"):
         _carrying(["left/alice", "right/bob"])
@@ -157,12 +157,13 @@ def test_crews_that_cannot_be_are_refused_before_any_process_starts(arguments, s
 @pytest.mark.parametrize(
     ("namespace", "parameters", "said"),
     [
-        ("", {}, "its name: start it with -r __ns:=/NAME"),
-        ("", {"robots": ["a", "b", "a"]}, "name none twice"),
+        ("", {}, "the namespace / is the name of none of the robots ['']: start the node with -r __ns:=/NAME"),
+        ("/c", {"robots": ["a", "b"]}, "the namespace /c is the name of none of the robots ['a', 'b']"),
+        ("/a", {"robots": ["a", "b", "a"]}, "name none twice"),
         ("/a", {"radio": "pigeon"}, "radio is 'pigeon'"),
         ("/a", {"encoding": "morse"}, "encoding is 'morse'"),
     ],
-    ids=["no name", "a name twice", "no radio", "no encoding"],
+    ids=["no name", "another's name", "a name twice", "no radio", "no encoding"],
 )
 def test_a_robot_that_cannot_be_says_why(policy_folder, namespace, parameters, said):
     context = rclpy.Context()

@@ -57,7 +57,7 @@ def node(two_rounds):
     def make(robots, **parameters):
         overrides = {"policy": str(two_rounds), "robots": robots} | parameters
         parameters = [Parameter(name, value=value) for name, value in overrides.items()]
-        node = RobotNode(context=context, parameter_overrides=parameters)
+        node = RobotNode(context=context, namespace=f"/{robots[0]}", parameter_overrides=parameters)
         made.append(node)
         node.destroy_timer(node._deadline)
         node._send_feature, node._send_preference, node._send_status, node._deadline = (Recorder() for _ in range(4))
@@ -241,7 +241,7 @@ def test_a_team_may_live_in_a_namespace_and_a_crew_in_it(two_rounds, options, to
             assert found("direct", **options) == topics
             assert found("relayed", **options) == topics | {f"{team}/a/heard"}
             # The same robot, and another one, in a process of the team.
-            crew = found("relayed", ["a", "b"], namespace=team or "/")
+            crew = found("relayed", ["a", "b"], namespace=f"{team}/a")
             assert crew == topics | {f"{team}/a/heard", f"{team}/b/heard", f"{team}/b/observation"}
         finally:
             context.try_shutdown()

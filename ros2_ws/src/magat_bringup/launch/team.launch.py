@@ -17,6 +17,7 @@ from magat_bringup.models import find_policy
 from magat_bringup.team import ENVIRONMENT, Command, TeamFile, TeamPlan
 from magat_robot.policy.config import ENCODINGS
 from magat_robot.policy.deployment import BACKENDS
+from magat_robot.processes import RESTARTS
 
 CONFIG = Path(get_package_share_directory("magat_bringup")) / "config"
 SWITCH = ["true", "false"]
@@ -53,6 +54,9 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "view", default_value="true", choices=SWITCH, description="map, markers, tf and diagnostics"
             ),
+            DeclareLaunchArgument(
+                "respawn", default_value="true", choices=SWITCH, description="start again what a signal has killed"
+            ),
             DeclareLaunchArgument("rviz", default_value="false", choices=SWITCH, description="RViz, with its layout"),
             OpaqueFunction(function=start),
         ]
@@ -78,17 +82,21 @@ def start(context: LaunchContext) -> list[Node]:
         backend=given("backend"),
         params=Path(given("params")) if given("params") else None,
         view=given("view") == "true",
+        respawn=given("respawn") == "true",
     )
-    nodes = [node(command) for command in plan.commands()]
+    nodes = [node(command, plan.respawn) for command in plan.commands()]
     if given("rviz") == "true":
         layout = ["-d", str(CONFIG / "team.rviz")]
         nodes.append(Node(package="rviz2", executable="rviz2", arguments=layout, output="log"))
     return nodes
 
 
-def node(command: Command) -> Node:
+def node(command: Command, respawn: bool) -> Node:
     """The launch action that starts a process; without it there is no team, except for the view."""
-    ending = {} if command.name == "view" else {"on_exit": Shutdown(reason=f"{command.name} ended")}
+    if respawn and command.name != "robots":  # which starts its processes again by itself
+        ending = {"respawn": True, "respawn_delay": 1.0, "respawn_max_retries": RESTARTS}
+    else:
+        ending = {} if command.name == "view" else {"on_exit": Shutdown(reason=f"{command.name} ended")}
     return Node(
         package=command.package,
         executable=command.executable,

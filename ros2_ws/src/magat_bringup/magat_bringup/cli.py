@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from rich.console import Console
+from rich.markup import escape
 
 from magat_bringup import interruption
 from magat_bringup.environment import NoDomainError
@@ -34,7 +35,7 @@ def main(args: list[str] | None = None) -> int:
         console.print(f"interrupted: {str(interrupt) or 'every process has ended'}")
         return INTERRUPTED
     except (TeamError, TeamFileError, ModelError, NoDomainError, InvalidCaseError, DataSetError) as error:
-        console.print(f"[bold red]magat:[/] {error}", highlight=False)
+        console.print(f"[bold red]magat:[/] {escape(str(error))}", highlight=False)
         return 1
 
 
@@ -59,6 +60,13 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--backend", choices=BACKENDS, default="torch", help="what computes the policy")
     run.add_argument("--params", type=Path, metavar="FILE", help="ROS parameter file for every process")
     run.add_argument("--view", action="store_true", help="publish map, markers, tf and diagnostics for RViz, Foxglove")
+    run.add_argument(
+        "--respawn",
+        action=argparse.BooleanOptionalAction,
+        default=True,
+        help="start processes again that a signal has killed (default: yes)",
+    )
+    run.add_argument("--verbose", action="store_true", help="show all that the processes say, not only warnings")
     run.add_argument("--require", type=int, default=0, metavar="N", help="fail unless N episodes are complete")
 
     evaluate = commands.add_parser("evaluate", help="score a policy on many cases, in one process")
@@ -160,7 +168,7 @@ def _run(options: argparse.Namespace, console: Console) -> int:
     team = TeamPlan(
         TeamFile.read(options.team) if options.team else TeamFile.numbered(options.robots, options.crew),
         _exported(options.policy, console).parent if options.backend == "onnx" else find_policy(options.policy),
-        **{name: getattr(options, name) for name in ("radio", "encoding", "backend", "params", "view")},
+        **{name: getattr(options, name) for name in ("radio", "encoding", "backend", "params", "view", "respawn")},
     )
     results = run(plan, team, console)
     complete = sum(result.success for result in results)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 import rclpy
@@ -22,6 +22,9 @@ from magat_node import qos
 
 #: How long to wait for the simulator to appear, seconds.
 SIMULATOR_TIMEOUT = 60.0
+#: It accepts or refuses an episode at once. Without an answer in so many seconds the request went to one that was
+#: killed, which the middleware takes some time to notice.
+ACCEPTANCE = 5.0
 #: How long the last messages of an episode may trail behind its result, seconds.
 TRAILING = 5.0
 
@@ -96,17 +99,15 @@ class EpisodeClient:
             raise TeamError(f"no simulator after {SIMULATOR_TIMEOUT:g} s")
 
     def run(self, goal: RunEpisode.Goal, on_feedback: Callable[[RunEpisode.Feedback], None]) -> EpisodeOutcome:
-        """Run one episode.
+        """Run one episode; again from its begin if the simulator is killed and started again.
 
         Raises:
             TeamError: a process ended, the simulator is busy, or it could not run the episode.
         """
-        handle = self._result_of(
-            self._action.send_goal_async(goal, feedback_callback=lambda message: on_feedback(message.feedback))
-        )
-        if not handle.accepted:
-            raise TeamError("the simulator is busy with another episode: wait for its end")
-        result: RunEpisode.Result = self._result_of(handle.get_result_async()).result
+        result = None
+        while result is None:
+            self.wait_for_simulator()
+            result = self._result_of(goal, on_feedback)
         if result.error:
             raise TeamError(f"the episode failed: {result.error}")
         if not self.spin(lambda: self._recorded(result), TRAILING):
@@ -122,9 +123,24 @@ class EpisodeClient:
         if message.episode == self._recording.episode:
             self._recording.worlds[message.tick] = message
 
-    def _result_of(self, future: Future) -> Any:
-        self.spin(future.done)
-        return future.result()
+    def _result_of(
+        self, goal: RunEpisode.Goal, on_feedback: Callable[[RunEpisode.Feedback], None]
+    ) -> RunEpisode.Result | None:
+        """The simulator's answer; None if it does not live to give one."""
+        starts = self._team.starts("simulator")
+
+        def come(future: Future, timeout: float) -> bool:
+            self.spin(lambda: future.done() or self._team.starts("simulator") > starts, timeout)
+            return future.done()
+
+        accepted = self._action.send_goal_async(goal, feedback_callback=lambda said: on_feedback(said.feedback))
+        if not come(accepted, ACCEPTANCE):
+            return None
+        handle = accepted.result()
+        if not handle.accepted:
+            raise TeamError("the simulator is busy with another episode: wait for its end")
+        ended = handle.get_result_async()
+        return ended.result().result if come(ended, float("inf")) else None
 
     def spin(self, until: Callable[[], bool], timeout: float = float("inf")) -> bool:
         """Work until a condition holds; False if it does not in time.

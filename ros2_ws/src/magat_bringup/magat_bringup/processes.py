@@ -6,12 +6,13 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import IO, Self
 
-from magat_bringup.team import ENVIRONMENT, Command, TeamPlan
+from magat_bringup.team import ENVIRONMENT, TeamPlan
+from magat_robot.processes import RESTARTS
 
 _PR_SET_PDEATHSIG = 1
 #: How long processes may take to end when asked to, before they are killed, seconds.
@@ -25,31 +26,47 @@ class TeamError(RuntimeError):
 class TeamProcesses:
     """Robots, simulator, expert and view, in a ``with`` statement: at its end all of them have ended."""
 
-    def __init__(self, plan: TeamPlan, logs: Path, environment: Mapping[str, str]) -> None:
+    def __init__(
+        self,
+        plan: TeamPlan,
+        logs: Path,
+        environment: Mapping[str, str],
+        on_line: Callable[[str, str], None] = lambda process, line: None,
+    ) -> None:
         """Start the processes.
 
         Args:
             plan: what to start.
             logs: folder for their output.
             environment: variables besides this process's own.
+            on_line: called by `check` and `stop` with the name of a process and a line that it has said.
 
         Raises:
             TeamFileError: see `TeamPlan.commands`.
         """
-        started = plan.commands()
+        self._commands = {command.name: command for command in plan.commands()}
+        self._respawn, self._on_line = plan.respawn, on_line
         self._logs = logs
         self._logs.mkdir(parents=True, exist_ok=True)
-        self._running: dict[str, subprocess.Popen[bytes]] = {}
         # The wheels' guard against a second re-execution must not reach a child without what came of the first.
         self._environment = {**os.environ, **environment, **ENVIRONMENT}
         self._environment.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None)
-        for command in started:
-            self._start(command)
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+        self._starts = dict.fromkeys(self._commands, 0)
+        self._said: dict[str, IO[bytes]] = {}
+        for name in self._commands:
+            self._log(name).write_bytes(b"")
+            self._said[name] = self._log(name).open("rb")
+            self._start(name)
 
-    def _start(self, command: Command) -> None:
-        with (self._logs / f"{command.name}.log").open("wb") as log:
-            self._running[command.name] = subprocess.Popen(
-                [sys.executable, "-m", *command.python],
+    def _log(self, name: str) -> Path:
+        return self._logs / f"{name}.log"
+
+    def _start(self, name: str) -> None:
+        self._starts[name] += 1
+        with self._log(name).open("ab") as log:
+            self._running[name] = subprocess.Popen(
+                [sys.executable, "-m", *self._commands[name].python],
                 env=self._environment,
                 stdin=subprocess.DEVNULL,
                 stdout=log,
@@ -59,22 +76,41 @@ class TeamProcesses:
                 preexec_fn=_die_with_parent,
             )
 
+    def starts(self, name: str) -> int:
+        """How often ``name``, a `Command`'s, was started."""
+        return self._starts[name]
+
     def pids(self, name: str) -> list[int]:
         """Process numbers of ``name``, a `Command`'s; of the robots, those of all their processes, in no order."""
         pid = self._running[name].pid
         return _children(pid) if name == "robots" else [pid]
 
     def check(self) -> None:
-        """Fail if one of the processes has ended.
+        """Tell what the processes say; start those again that a signal has killed, if the plan says so.
 
         Raises:
-            TeamError: with the end of what it said.
+            TeamError: a process has ended by itself, or was killed too often; with the end of what it said.
         """
+        self._tell()
         for name, process in self._running.items():
-            if process.poll() is not None:
-                said = (self._logs / f"{name}.log").read_text(errors="replace").strip().splitlines()[-15:]
-                text = "\n  ".join(said) or "nothing"
-                raise TeamError(f"{name}: the process ended with status {process.returncode}. It said:\n  {text}")
+            status = process.poll()
+            if status is None:
+                continue
+            if self._respawn and status < 0 and self._starts[name] <= RESTARTS:
+                self._on_line(name, f"[WARN] [{time.time():.9f}] [{name}]: killed by signal {-status}, started again")
+                self._start(name)
+                continue
+            said = self._log(name).read_text(errors="replace").strip().splitlines()[-15:]
+            text = "\n  ".join(said) or "nothing"
+            raise TeamError(f"{name}: the process ended with status {status}. It said:\n  {text}")
+
+    def _tell(self) -> None:
+        for name, said in self._said.items():
+            for line in said:
+                if not line.endswith(b"\n"):  # not all of it is there
+                    said.seek(-len(line), os.SEEK_CUR)
+                    break
+                self._on_line(name, line.decode(errors="replace").rstrip())
 
     def stop(self) -> None:
         """End all processes: asked first, killed after a while. Safe to call twice."""
@@ -88,6 +124,7 @@ class TeamProcesses:
             except subprocess.TimeoutExpired:
                 os.killpg(process.pid, signal.SIGKILL)
                 process.wait()
+        self._tell()
 
     def __enter__(self) -> Self:
         return self

@@ -18,6 +18,7 @@ from rich.progress import (
 )
 from rich.table import Table
 
+from magat_bringup import log_lines
 from magat_bringup.animation import save_animation
 from magat_bringup.client import EpisodeClient, EpisodeOutcome
 from magat_bringup.environment import loopback, own_domain
@@ -42,6 +43,8 @@ class RunPlan:
     first: int
     #: Folder for logs, results and pictures.
     output: Path
+    #: Whether all that the processes say is shown, or warnings only.
+    verbose: bool = False
 
     def goal(self, index: int) -> RunEpisode.Goal:
         """The request for episode ``index``, from 0."""
@@ -76,8 +79,14 @@ def run(plan: RunPlan, team: TeamPlan, console: Console) -> list[RunEpisode.Resu
         if team.view:
             console.print(f"The view is in ROS domain {domain}; RViz needs this environment:")
             console.print(" ".join(f"{name}={value}" for name, value in environment.items()), soft_wrap=True)
+
+        def show(process: str, line: str) -> None:
+            text = log_lines.styled(process, line, plan.verbose)
+            if text is not None:
+                console.print(text)
+
         with (
-            TeamProcesses(team, plan.output / "logs", environment) as running,
+            TeamProcesses(team, plan.output / "logs", environment, show) as running,
             EpisodeClient(running, domain) as client,
             _progress(console) as progress,
         ):

@@ -128,6 +128,8 @@ class TeamPlan:
     ready_timeout: float | None = None
     #: Whether there is a view for RViz and the like, too.
     view: bool = False
+    #: Whether processes are started again that a signal has killed.
+    respawn: bool = True
 
     def commands(self) -> list[Command]:
         """How the processes are started, one after the other.
@@ -143,13 +145,14 @@ class TeamPlan:
         carried = ("-p", f"policy:={self.policy}", *(("-p", f"encoding:={self.encoding}") if self.encoding else ()))
         roster = ("-p", f"robots:=[{','.join(self.team.robots)}]")
         patience = ("-p", f"ready_timeout:={self.ready_timeout:f}") if self.ready_timeout is not None else ()
+        respawn = ("--respawn",) if self.respawn else ()
         started = [
             Command(
                 name="robots",
                 package="magat_robot",
                 executable="robots",
                 module="magat_robot.processes",
-                arguments=("--backend", self.backend, "--crew", str(self.team.crew), *self.team.robots),
+                arguments=("--backend", self.backend, "--crew", str(self.team.crew), *respawn, *self.team.robots),
                 ros_arguments=(*shared, *carried, *sized, *heard),
             ),
             Command(

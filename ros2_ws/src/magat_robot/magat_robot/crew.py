@@ -117,7 +117,7 @@ class Crew:
         else:
             begins = at != self._at
             if begins:
-                self._at, self._sights, self._own, self._round = at, {}, None, 0
+                self._at, self._sights, self._own, self._round, self._bundles = at, {}, None, 0, {}
                 self.exchange.begin(*at)
             self._sights[robot] = sight
             if len(self._sights) == self._robots:
@@ -135,13 +135,16 @@ class Crew:
 
     def hear_bundle(self, robot: int, episode: int, tick: int, number: int, payloads: Sequence[bytes]) -> None:
         """Take all that ``robot`` can hear in round ``number``, in any order."""
-        if (episode, tick) != self._at or self._own is None or number != self._round or robot not in self._awaited:
+        # It may come before this process has looked: when that misses an observation, others go on without it.
+        awaiting = self._sights if self._own is not None else range(self._robots if self._sights else 0)
+        if (episode, tick) != self._at or number != self._round or robot not in awaiting or robot in self._bundles:
             self.exchange.drop(f"a late or repeated bundle, of round {number} of tick {tick}")
             return
         self._bundles[robot] = list(payloads)
-        self._awaited.discard(robot)
-        if not self._awaited:
-            self._fuse()
+        if self._own is not None:
+            self._awaited.discard(robot)
+            if not self._awaited:
+                self._fuse()
 
     def overdue(self) -> None:
         """The deadline of what is awaited is over: go on without it."""
@@ -172,7 +175,7 @@ class Crew:
         assert self._own is not None
         # Awaited first: what is sent may come back at once.
         if self._relayed:
-            self._awaited, self._bundles = set(self._sights), {}
+            self._awaited = self._sights.keys() - self._bundles.keys()
         else:
             self._awaited = set(self._audible - self.exchange.kept(self._round).keys())
         ready = not self._awaited
@@ -197,6 +200,7 @@ class Crew:
         present = np.arange(messages.shape[1]) < counts[:, None]
         self._own = self._policy.hear(self._own, messages, present)
         self._round += 1
+        self._bundles = {}
         self._compute += time.monotonic() - started
         if self._round < len(self._policy.config.message_sizes):
             self._send_round()

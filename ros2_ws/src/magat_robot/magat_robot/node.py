@@ -8,7 +8,7 @@ import sys
 import time
 from pathlib import Path
 
-from rclpy.node import Node
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from magat_interfaces.msg import Feature, FeatureBundle, Observation, Preference, RobotStatus
 from magat_node import cdr, qos
@@ -17,6 +17,7 @@ from magat_node.run import run_node
 from magat_robot.crew import Answer, Crew, Message, Sight
 from magat_robot.policy.config import ENCODINGS, ModelError
 from magat_robot.policy.deployment import BACKENDS, load_policy
+from magat_robot.policy.interface import RobotPolicy
 from magat_robot.policy.payload import encoded_bytes
 
 #: Seconds between hellos while waiting, and how long a hello heard counts.
@@ -31,48 +32,77 @@ _COUNT = struct.Struct("<I")
 _MOST_PEERS = 2**32 - 1
 
 
-class RobotNode(Node):
+class RobotNode(LifecycleNode):
     """One robot: observation in, feature out, features in, preference out; its namespace is its name.
 
-    Or the robots that the parameter ``robots`` names, in namespaces below the node's own.
+    Or a crew, the robots that the parameter ``robots`` names; the namespace is the name of one of them.
+
+    A lifecycle node: configuring loads the policy, and an active node takes part in the team. It does both by itself
+    when it is created, unless the parameter ``autostart`` is false.
     """
 
     def __init__(self, **options: object) -> None:
-        """Load the policy that the parameter ``policy`` names and join the team.
+        """Join the team.
 
         Raises:
             ModelError: the policy cannot be used, or no policy is given.
-            ValueError: a robot is named twice, or not at all.
+            ValueError: a robot is named twice, the namespace is none's name, or a parameter is not one of its choices.
         """
         super().__init__("robot", **options)
-        folder = declare_value(self, "policy", "", "folder of the policy to carry")
-        if not folder:
-            raise ModelError("no policy given: start the robot with -p policy:=FOLDER")
+        self._folder = declare_value(self, "policy", "", "folder of the policy to carry")
         encoding = declare_choice(
             self, "encoding", "", ["", *ENCODINGS], "of messages; that of the policy's configuration if empty"
         )
-        backend = declare_choice(self, "backend", "torch", list(BACKENDS), "what computes the policy")
+        self._changes = {"encoding": encoding} if encoding else {}
+        self._backend = declare_choice(self, "backend", "torch", list(BACKENDS), "what computes the policy")
         self._radio = declare_choice(self, "radio", "direct", ["direct", "relayed"], "as the simulator's")
-        deadline = declare_seconds(
-            self, "feature_deadline", 0.25, "wait so long in each round for neighbours' messages, then go on without"
+        self._feature_deadline = declare_seconds(
+            self, "feature_deadline", 0.25, "wait so long in a tick, in all its rounds, for neighbours' messages"
         )
         team_size = declare_count(self, "team_size", 32, "robots in the team, for the queues of shared topics", 10_000)
         names = declare_value(self, "robots", [""], "robots of this process; the one that the namespace names if empty")
+        autostart = declare_value(
+            self, "autostart", True, "take part at once; else wait to be configured and activated"
+        )
         # Shared topics live in the namespace above a robot's own, so that a whole team can be put in a namespace.
-        namespace = self.get_namespace().rstrip("/")
-        if not namespace and list(names) == [""]:
-            raise ValueError("a robot's namespace is its name: start it with -r __ns:=/NAME")
-        team, own = namespace.rsplit("/", 1) if list(names) == [""] else (namespace, "")
-        self.robots = [own] if own else list(names)
+        self._team, _, own = self.get_namespace().rpartition("/")
+        self.robots = [own] if list(names) == [""] else list(names)
+        if not own or own not in self.robots:
+            raise ValueError(
+                f"the namespace {self.get_namespace()} is the name of none of the robots {self.robots}: "
+                "start the node with -r __ns:=/NAME, for a crew with the name of one of them"
+            )
         if len(set(self.robots)) < len(self.robots):
             raise ValueError(f"the robots are {self.robots}: name none twice")
+        self._depth = qos.shared_depth(team_size)
+        self._problem: str | None = None
+        self._policy: RobotPolicy | None = None
+        self._nonce = secrets.randbits(64)
+        if autostart:
+            for trigger in (self.trigger_configure, self.trigger_activate):
+                if trigger() is not TransitionCallbackReturn.SUCCESS:
+                    raise ModelError(self._problem or "the node could not be activated")
 
-        changes = {"encoding": encoding} if encoding else {}
-        self._policy = load_policy(Path(folder), backend, **changes)
+    # --- Configure, activate, deactivate, clean up ---
+
+    def on_configure(self, _: LifecycleState) -> TransitionCallbackReturn:
+        """Load the policy."""
+        try:
+            if not self._folder:
+                raise ModelError("no policy given: start the robot with -p policy:=FOLDER")
+            self._policy = load_policy(Path(self._folder), self._backend, **self._changes)
+        except ModelError as error:
+            self._problem = str(error)
+            self.get_logger().error(f"not configured: {error}")
+            return TransitionCallbackReturn.FAILURE
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_activate(self, _: LifecycleState) -> TransitionCallbackReturn:
+        """Take part in the team from now on."""
+        assert self._policy is not None
         config = self._policy.config
         self._encoding = ENCODINGS[config.encoding]
         self._crew = Crew(self._policy, len(self.robots), self._on_send, self._on_answer, self._radio == "relayed")
-        self._nonce = secrets.randbits(64)
         self._peers: dict[int, tuple[float, int]] = {}
         self._last_observed = -math.inf
         self._sending: tuple[int, int, int] | None = None  # episode, tick, round
@@ -80,22 +110,45 @@ class RobotNode(Node):
         self._feature_bytes = sum(len(cdr.pack_feature(0, 0, 0, 0, 0, bytes(size))) for size in sizes)
         self._ticks = self._beats = 0
 
-        depth = qos.shared_depth(team_size)
+        team, depth = self._team, self._depth
         self._send_feature = self.create_publisher(Feature, f"{team}/feature", qos.newest(depth))
         self._send_preference = self.create_publisher(Preference, f"{team}/preference", qos.newest(depth))
         self._send_status = self.create_publisher(RobotStatus, f"{team}/robot_status", qos.reliable(depth))
+        self._talking = [self._send_feature, self._send_preference, self._send_status]
         # One-argument callbacks: what the middleware knows of a message's origin is never asked for.
+        self._listening = []
         if self._radio == "direct":
-            self.create_subscription(Feature, f"{team}/feature", self._on_feature, qos.newest(depth), raw=True)
+            hear_all = self._on_feature
+            self._listening.append(
+                self.create_subscription(Feature, f"{team}/feature", hear_all, qos.newest(depth), raw=True)
+            )
         for number, name in enumerate(self.robots):
             observe = functools.partial(self._on_observation, number)
-            self.create_subscription(Observation, f"{team}/{name}/observation", observe, qos.newest(4))
+            topic = f"{team}/{name}/observation"
+            self._listening.append(self.create_subscription(Observation, topic, observe, qos.newest(4)))
             if self._radio == "relayed":
-                hear = functools.partial(self._on_bundle, number)
-                self.create_subscription(FeatureBundle, f"{team}/{name}/heard", hear, qos.newest(8), raw=True)
-        self._deadline = self.create_timer(deadline, self._on_deadline)
+                hear, topic = functools.partial(self._on_bundle, number), f"{team}/{name}/heard"
+                self._listening.append(self.create_subscription(FeatureBundle, topic, hear, qos.newest(8), raw=True))
+        # A tick takes no longer with many rounds than with one.
+        self._deadline = self.create_timer(self._feature_deadline / len(sizes), self._on_deadline)
         self._deadline.cancel()
-        self.create_timer(HELLO_PERIOD, self._on_beat)
+        self._beat = self.create_timer(HELLO_PERIOD, self._on_beat)
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_deactivate(self, _: LifecycleState) -> TransitionCallbackReturn:
+        """Take no part any longer: to the others it is as if the process had ended."""
+        for timer in (self._deadline, self._beat):
+            self.destroy_timer(timer)
+        for subscription in self._listening:
+            self.destroy_subscription(subscription)
+        for publisher in self._talking:
+            self.destroy_publisher(publisher)
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_cleanup(self, _: LifecycleState) -> TransitionCallbackReturn:
+        """Put the policy away."""
+        self._policy = None
+        return TransitionCallbackReturn.SUCCESS
 
     # --- A tick: look, send, hear, decide ---
 
@@ -164,6 +217,7 @@ class RobotNode(Node):
     # --- Between episodes: who is there ---
 
     def _on_beat(self) -> None:
+        assert self._policy is not None
         now = time.monotonic()
         waiting = now - self._last_observed > SILENCE
         if waiting:
@@ -182,6 +236,7 @@ class RobotNode(Node):
                     digest=self._policy.digest,
                     encoding=self._policy.config.encoding,
                     radio=self._radio,
+                    rounds=len(exchange.sizes),
                     peers_heard=min(peers, _MOST_PEERS),  # a stranger may count to any number
                     ticks=self._ticks,
                     features_missing=self._crew.missing,

@@ -18,9 +18,11 @@ from magat_robot.policy.deployment import BACKENDS, preload
 _PR_SET_PDEATHSIG = 1
 #: Exit status of a process that a signal ended, as shells give it.
 _SIGNALLED = 128
+#: How often a process may be started again.
+RESTARTS = 10
 
 
-def run_robots(names: list[str], ros_arguments: list[str], crew: int = 1) -> int:
+def run_robots(names: list[str], ros_arguments: list[str], crew: int = 1, respawn: bool = False) -> int:
     """Run robots until all have ended.
 
     SIGINT and SIGTERM are passed on to them. Each process that ends is reported on standard output, as ``NAME STATUS``
@@ -30,6 +32,8 @@ def run_robots(names: list[str], ros_arguments: list[str], crew: int = 1) -> int
         names: of the robots, which are their namespaces; may have slashes.
         ros_arguments: what follows ``--ros-args``, the same for all.
         crew: robots in each process; the last may have fewer.
+        respawn: start a process again that a signal has killed, up to `RESTARTS` times. One that ends by itself has
+            said why, and would do so again.
 
     Returns:
         0 if all robots ended well, else the first other exit status.
@@ -39,9 +43,11 @@ def run_robots(names: list[str], ros_arguments: list[str], crew: int = 1) -> int
     """
     crews = [names[first : first + crew] for first in range(0, len(names), crew)]
     carrying = [_carrying(group) for group in crews]
-    robots = {_fork(own + ros_arguments): group[0] for own, group in zip(carrying, crews, strict=True)}
+    robots = {_fork(own + ros_arguments): index for index, own in enumerate(carrying)}
+    restarts = [RESTARTS if respawn else 0] * len(crews)
 
     def pass_on(number: int, _: FrameType | None) -> None:
+        restarts[:] = [0] * len(crews)  # whom this ends shall stay ended
         for pid in robots:
             os.kill(pid, number)
 
@@ -51,21 +57,26 @@ def run_robots(names: list[str], ros_arguments: list[str], crew: int = 1) -> int
     while robots:
         pid, status = os.wait()
         code = os.waitstatus_to_exitcode(status)
+        index = robots.pop(pid)
+        again = code < 0 and restarts[index] > 0
         code = code if code >= 0 else _SIGNALLED - code
-        print(f"{robots.pop(pid)} {code}", flush=True)
-        worst = worst or code
+        print(f"{crews[index][0]} {code}", "and is started again" if again else "", flush=True)
+        if again:
+            restarts[index] -= 1
+            robots[_fork(carrying[index] + ros_arguments)] = index
+        else:
+            worst = worst or code
     return worst
 
 
 def _carrying(names: list[str]) -> list[str]:
     """ROS arguments of a process that carries these robots."""
     names = [name.strip("/") for name in names]
-    if len(names) == 1:
-        return ["-r", f"__ns:=/{names[0]}"]
     teams = {name.rpartition("/")[0] for name in names}
     if len(teams) > 1:
         raise ValueError(f"{', '.join(names)} are of different teams: one process carries robots of one")
-    return ["-r", f"__ns:=/{teams.pop()}", "-p", f"robots:=[{','.join(name.rpartition('/')[2] for name in names)}]"]
+    crew = ["-p", f"robots:=[{','.join(name.rpartition('/')[2] for name in names)}]"] if len(names) > 1 else []
+    return ["-r", f"__ns:=/{names[0]}", *crew]
 
 
 def _fork(ros_arguments: list[str]) -> int:
@@ -88,20 +99,22 @@ def _fork(ros_arguments: list[str]) -> int:
 
 
 def main(args: list[str] | None = None) -> int:
-    """Command line: ``robots [--crew M] NAME [NAME ...] [--ros-args ...]``."""
+    """Command line: ``robots [--crew M] [--respawn] NAME [NAME ...] [--ros-args ...]``."""
     args = sys.argv[1:] if args is None else args
     split = args.index("--ros-args") if "--ros-args" in args else len(args)
     parser = argparse.ArgumentParser(prog="robots", description="One process a robot, forked from this one.")
     parser.add_argument("names", nargs="+", metavar="NAME", help="the robot's name, which is its namespace")
     parser.add_argument("--backend", choices=BACKENDS, default="torch", help="computes the policy (default: torch)")
+    parser.add_argument("--respawn", action="store_true", help="start a process again that a signal has killed")
     parser.add_argument("--crew", type=int, default=1, metavar="M", help="robots in each process (default: 1)")
     options = parser.parse_args(args[:split])
     if options.crew < 1:
         parser.error("--crew is at least 1")
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # in the middle of an import it has nothing to clean up
     preload(options.backend)  # before the fork, so that its memory is shared
     ros_arguments = ["-p", f"backend:={options.backend}", *args[split + 1 :]]
     try:
-        return run_robots(options.names, ros_arguments, options.crew)
+        return run_robots(options.names, ros_arguments, options.crew, options.respawn)
     except ValueError as error:
         parser.error(str(error))
 

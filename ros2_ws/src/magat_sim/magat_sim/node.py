@@ -27,6 +27,8 @@ from magat_sim.ticks import Episode, Outcome, Wish
 
 #: Seconds between hellos to robots that do not take part.
 HELLO_PERIOD = 0.2
+#: The expert's answer may take so long beyond its search, seconds.
+EXPERT_GRACE = 2.0
 
 
 class DeferredActionServer(ActionServer):
@@ -77,8 +79,8 @@ class SimulatorNode(Node):
         self._radio = declare_choice(
             self, "radio", "direct", ["direct", "relayed"], "robots hear each other, or what the simulator hands on"
         )
-        relay_deadline = declare_seconds(
-            self, "relay_deadline", 0.1, "wait so long in each round for messages to relay, then hand on what is there"
+        self._relay_patience = declare_seconds(
+            self, "relay_deadline", 0.1, "wait so long in a tick, in all its rounds, for messages to relay"
         )
         # Who hears the simulator hears everything, where that relays.
         peers = len(names) - 1 if self._radio == "direct" else 0
@@ -88,7 +90,10 @@ class SimulatorNode(Node):
         self._expert: Flowtime | None = None
         self._episode: Episode | None = None
         self._episode_id = 0
-        self._waiting_since: float | None = None
+        self._begun = 0.0
+        self._gathering = False
+        self._search: Future | None = None
+        self._search_begun = 0.0
         self._started = self._tick_started = 0.0
 
         depth = qos.shared_depth(len(names))
@@ -111,7 +116,7 @@ class SimulatorNode(Node):
         )
         self._deadline = self.create_timer(deadline, self._on_deadline)
         self._deadline.cancel()
-        self._relay_deadline = self.create_timer(relay_deadline, self._on_relay_deadline)
+        self._relay_deadline = self.create_timer(self._relay_patience, self._on_relay_deadline)
         self._relay_deadline.cancel()
         self.create_timer(HELLO_PERIOD, self._on_beat)
 
@@ -122,11 +127,13 @@ class SimulatorNode(Node):
         for member, publisher in zip(self._team.members, self._send, strict=True):
             if not member.joined:
                 publisher.publish(Observation(tick=Observation.HELLO, own_tag=member.nonce))
-        if self._waiting_since is not None:
+        if self._gathering:
             self._gather()
+        elif self._search is not None:
+            self._await_expert(self._search)
 
     def _on_status(self, message: RobotStatus) -> None:
-        equipment = Equipment(message.digest, message.encoding, message.radio)
+        equipment = Equipment(message.digest, message.encoding, message.radio, message.rounds)
         for name in message.robots:
             if name in self._team.by_name:
                 self._team.by_name[name].reported(time.monotonic(), message.peers_heard, equipment)
@@ -143,7 +150,7 @@ class SimulatorNode(Node):
         except InvalidCaseError as error:
             self._finish(goal.abort, str(error))
             return
-        self._waiting_since = time.monotonic()
+        self._begun, self._gathering = time.monotonic(), True
         self._gather()
 
     def _requested_case(self, request: RunEpisode.Goal) -> Case:
@@ -164,20 +171,20 @@ class SimulatorNode(Node):
 
     def _gather(self) -> None:
         goal, now = self._goal, time.monotonic()
-        assert goal is not None and self._waiting_since is not None
+        assert goal is not None
         if goal.is_cancel_requested:
             self._finish(goal.canceled, "cancelled")
             return
         missing = self._team.gather(now)
         expert = self._solve.service_is_ready() or goal.request.t_max > 0
         if not missing and expert:
-            self._waiting_since = None
+            self._gathering = False
             mismatch = self._team.mismatch(self._radio)
             if mismatch is not None:
                 self._finish(goal.abort, mismatch)
             else:
                 self._ask_expert()
-        elif now - self._waiting_since > self._ready_timeout:
+        elif now - self._begun > self._ready_timeout:
             absent = [*missing, *([] if expert else ["the expert"])]
             mismatch = self._team.mismatch(self._radio)  # what they have said so far may be the reason
             why = f"; {mismatch}" if mismatch is not None else ""
@@ -196,10 +203,33 @@ class SimulatorNode(Node):
         request.obstacles = array.array("B", case.obstacles.astype(np.uint8).tobytes())
         request.start_x, request.start_y = (_int16(column) for column in case.starts.T)
         request.goal_x, request.goal_y = (_int16(column) for column in case.goals.T)
-        self._solve.call_async(request).add_done_callback(self._on_solved)
+        self._search, self._search_begun = self._solve.call_async(request), time.monotonic()
+        self._search.add_done_callback(self._on_solved)
 
-    def _on_solved(self, future: Future) -> None:
-        self._start(future.result())
+    def _on_solved(self, search: Future) -> None:
+        answer: SolveMapf.Response = search.result()
+        if search is self._search:  # else it was given up
+            self._search = None
+            self._start(answer)
+
+    def _await_expert(self, search: Future) -> None:
+        """The expert may die over its search, and then nobody answers."""
+        goal, now, limit = self._goal, time.monotonic(), self._expert_limit + EXPERT_GRACE
+        assert goal is not None
+        if not goal.is_cancel_requested and now - self._search_begun < limit:
+            self._feed_back(0, 0)
+            return
+        self._search = None
+        self._solve.remove_pending_request(search)
+        if goal.is_cancel_requested:
+            self._finish(goal.canceled, "cancelled")
+        elif goal.request.t_max > 0:
+            self._start(None)
+        elif now - self._begun > self._ready_timeout:
+            self._finish(goal.abort, f"the expert did not answer within {limit:g} s: is it alive, or busy with others?")
+        else:
+            self.get_logger().warning(f"the expert did not answer within {limit:g} s: it is asked again")
+            self._gathering = True
 
     def _start(self, answer: SolveMapf.Response | None) -> None:
         """The first tick, with the expert's answer if it gave one."""
@@ -216,6 +246,9 @@ class SimulatorNode(Node):
             return
         streams = episode_streams(goal.request.seed, goal.request.number, case.robots)
         self._episode = Episode(case, t_max, streams)
+        # A tick takes no longer with many rounds than with one.
+        rounds = self._team.equipment.rounds if self._team.equipment is not None else 1
+        self._relay_deadline.timer_period_ns = int(1e9 * self._relay_patience / max(rounds, 1))
         self._started = time.monotonic()
         self._publish_world(None)
         if self._episode.simulator.done:
@@ -231,6 +264,12 @@ class SimulatorNode(Node):
         self._tick_started = time.monotonic()
         for name in self._team.readmit(self._tick_started):
             self.get_logger().info(f"{name} is back")
+        strangers = self._team.strangers()
+        if strangers:
+            self.get_logger().warning(
+                f"{', '.join(strangers)}: with another policy, encoding or radio than the team's, and takes no part",
+                throttle_duration_sec=5.0,
+            )
         sights = episode.look([member.joined for member in self._team.members])
         for member, publisher, sight in zip(self._team.members, self._send, sights, strict=True):
             if not member.joined:
@@ -297,7 +336,7 @@ class SimulatorNode(Node):
         self._relay_deadline.cancel()
         outcome = episode.advance()
         for name in self._team.account((~outcome.silent).tolist()):
-            self.get_logger().warning(f"{name} is silent: it stays where it is until it answers again")
+            self.get_logger().warning(f"{name} is absent: it stays where it is until it answers again")
         self._publish_world(outcome)
         simulator = episode.simulator
         self._feed_back(int(simulator.visited.sum()), int(simulator.on_goal.sum()))
@@ -368,7 +407,8 @@ class SimulatorNode(Node):
             result.silent, result.features_missing = episode.silent, episode.features_missing
             result.bytes_per_tick = episode.bytes_per_tick
             result.ticks_per_second = measures.ticks / elapsed if elapsed > 0 else 0.0
-        self._goal = self._episode = self._waiting_since = None
+        self._goal = self._episode = self._search = None
+        self._gathering = False
         self._action.finish(goal, end, result)
 
 

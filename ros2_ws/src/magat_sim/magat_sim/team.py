@@ -16,6 +16,8 @@ class Equipment(NamedTuple):
     digest: str
     encoding: str
     radio: str
+    #: Of messages in a tick.
+    rounds: int
 
 
 @dataclass
@@ -28,7 +30,7 @@ class Member:
     #: Takes part: it was ready once and has not fallen silent since.
     joined: bool = False
     silent_ticks: int = 0
-    #: What it carries: the policy's digest, the encoding and the radio of its messages.
+    #: What it carries, as it last said.
     equipment: Equipment | None = None
     _answered: float = field(default=-math.inf, repr=False)
     _status: float = field(default=-math.inf, repr=False)
@@ -39,8 +41,8 @@ class Member:
         self.joined, self.silent_ticks = True, 0
 
     def leave(self) -> None:
-        """From now on it does not take part, whatever it answered before."""
-        self.joined, self._answered = False, -math.inf
+        """From now on it does not take part, whatever it answered and reported before."""
+        self.joined, self._answered, self.equipment = False, -math.inf, None
 
     def answered(self, now: float) -> None:
         """It answered a hello at ``now`` (seconds)."""
@@ -79,27 +81,42 @@ class Team:
         self.members = [Member(name, nonce) for name, nonce in zip(names, nonces, strict=True)]
         self.by_name = {member.name: member for member in self.members}
         self.by_nonce = {member.nonce: member for member in self.members}
+        #: What all carried when they had gathered; None before.
+        self.equipment: Equipment | None = None
 
     def gather(self, now: float) -> list[str]:
         """Let join who is ready; the names of those still missing."""
         for member in self.members:
             if not member.joined and member.ready(now, self._peers):
                 member.join()
-        return [member.name for member in self.members if not member.joined]
+        missing = [member.name for member in self.members if not member.joined]
+        if not missing:
+            self.equipment = self.members[0].equipment
+        return missing
 
     def readmit(self, now: float) -> list[str]:
-        """Between two ticks: let absent robots that can be reached take part again; their names."""
-        back = [member for member in self.members if not member.joined and member.reachable(now)]
+        """Between two ticks: let absent robots take part again that can be reached and carry what the team carries.
+
+        Returns:
+            Their names.
+        """
+        absent = [member for member in self.members if not member.joined and member.reachable(now)]
+        back = [member for member in absent if member.equipment is not None and member.equipment == self.equipment]
         for member in back:
             member.join()
         return [member.name for member in back]
+
+    def strangers(self) -> list[str]:
+        """Robots that carry something else than what the team gathered with: they take no part until they do."""
+        return [m.name for m in self.members if m.equipment is not None and m.equipment != self.equipment]
 
     def account(self, spoke: list[bool]) -> list[str]:
         """After a tick: which robots spoke (``[N]``); the names of those that are absent from now on."""
         lost = []
         for member, heard in zip(self.members, spoke, strict=True):
             member.silent_ticks = 0 if heard else member.silent_ticks + 1
-            if member.joined and member.silent_ticks >= SILENT_TICKS:
+            stranger = member.equipment != self.equipment  # started again, with something else
+            if member.joined and (member.silent_ticks >= SILENT_TICKS or stranger):
                 member.leave()
                 lost.append(member.name)
         return lost

@@ -288,7 +288,7 @@ def test_magat_run_and_the_launch_file_start_the_same(team_file, params, tmp_pat
     robots = by_run[0][0]
     crews = ["--crew", str(crew), "--respawn", "alice", "bob", "carol"]
     assert robots[robots.index("--crew") :][: len(crews)] == crews
-    assert f"policy:={find_policy(POLICY)}" in robots
+    assert robots[robots.index("--policy") + 1] == str(find_policy(POLICY))
 
 
 def test_both_start_the_same_where_nothing_is_said(tmp_path):

@@ -1,6 +1,7 @@
 """What computes a policy changes nothing in what it says and decides."""
 
 import json
+import pickle
 import shutil
 import subprocess
 import sys
@@ -55,6 +56,36 @@ def test_a_robot_that_hears_nobody_decides_alike(folder: Path, random_team: Call
     view = random_team(np.random.default_rng(1), 5).field_of_view
     nobody = np.zeros((5, 0), dtype=np.int64)
     assert said(OnnxPolicy(folder), view, nobody) == said(load(folder), view, nobody)
+
+
+@pytest.mark.parametrize("backend", ["torch", "onnx"])
+def test_a_policy_loaded_before_a_fork_decides_after_it(folder: Path, random_team: Callable, backend: str) -> None:
+    team = random_team(np.random.default_rng(2), 3)
+    # In a process of its own: this one has threads, which a fork does not survive.
+    program = f"""
+import os, pickle, sys
+from pathlib import Path
+import numpy as np
+from magat_robot.policy.deployment import load_policy, preload
+folder, backend = Path({str(folder)!r}), {backend!r}
+preload(folder, backend, encoding="int8")
+view = pickle.loads({pickle.dumps(team.field_of_view)!r})
+def decide(policy):
+    own = policy.encode(view)
+    for _ in policy.config.message_sizes:
+        own = policy.hear(own, own.messages[:, None], np.ones((3, 1), dtype=bool))
+    return policy.decide(own, np.arange(3, dtype=np.uint64), 5).weights.tobytes()
+sys.stdout.flush()
+pid = os.fork()
+if pid == 0:
+    (folder / "config.json").rename(folder / "away")  # it is there already
+    first = decide(load_policy(folder, backend, encoding="int8"))
+    (folder / "away").rename(folder / "config.json")
+    again = decide(load_policy(folder, backend, encoding="int8"))
+    os._exit(0 if first == again else 1)
+raise SystemExit(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))
+"""
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
 
 
 def test_an_observation_of_another_kind_is_refused(folder: Path) -> None:

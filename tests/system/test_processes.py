@@ -149,7 +149,7 @@ def test_robots_of_one_team_can_share_a_process_and_others_cannot():
 )
 def test_crews_that_cannot_be_are_refused_before_any_process_starts(arguments, said, capsys):
     with pytest.raises(SystemExit) as ended:
-        robots(arguments)
+        robots(["--policy", "anywhere", *arguments])
     assert ended.value.code == 2
     assert said in capsys.readouterr().err
 

@@ -142,18 +142,19 @@ class TeamPlan:
         shared = ("--params-file", str(self.params.resolve())) if self.params is not None else ()
         sized = ("-p", f"team_size:={len(self.team.robots)}")
         heard = ("-p", f"radio:={self.radio}")
-        carried = ("-p", f"policy:={self.policy}", *(("-p", f"encoding:={self.encoding}") if self.encoding else ()))
+        carried = ("--policy", str(self.policy), "--backend", self.backend)
+        encoded = ("--encoding", self.encoding) if self.encoding else ()
+        carried_by = ("--crew", str(self.team.crew), *(("--respawn",) if self.respawn else ()), *self.team.robots)
         roster = ("-p", f"robots:=[{','.join(self.team.robots)}]")
         patience = ("-p", f"ready_timeout:={self.ready_timeout:f}") if self.ready_timeout is not None else ()
-        respawn = ("--respawn",) if self.respawn else ()
         started = [
             Command(
                 name="robots",
                 package="magat_robot",
                 executable="robots",
                 module="magat_robot.processes",
-                arguments=("--backend", self.backend, "--crew", str(self.team.crew), *respawn, *self.team.robots),
-                ros_arguments=(*shared, *carried, *sized, *heard),
+                arguments=(*carried, *encoded, *carried_by),
+                ros_arguments=(*shared, *sized, *heard),
             ),
             Command(
                 name="simulator",

@@ -1,18 +1,21 @@
-"""Several robot processes from one: imports the policy's library and ROS once, then forks one a robot, or a crew.
+"""Several robot processes from one: loads the policy and imports ROS once, then forks one a robot, or a crew.
 
-Forked robots share the memory of what was imported, and start in a fraction of the time; apart from that each is the
-same process as one started alone. Forking comes before ROS is initialised: threads and sockets do not survive it.
+Forked robots share the memory of what was loaded, and start in a fraction of the time; apart from that each is the same
+process as one started alone. Forking comes before ROS is initialised: threads and sockets do not survive it.
 """
 
 import argparse
+import contextlib
 import ctypes
 import os
 import signal
 import sys
 import traceback
+from pathlib import Path
 from types import FrameType
 
 from magat_robot import node
+from magat_robot.policy.config import ENCODINGS, ModelError
 from magat_robot.policy.deployment import BACKENDS, preload
 
 _PR_SET_PDEATHSIG = 1
@@ -99,11 +102,13 @@ def _fork(ros_arguments: list[str]) -> int:
 
 
 def main(args: list[str] | None = None) -> int:
-    """Command line: ``robots [--crew M] [--respawn] NAME [NAME ...] [--ros-args ...]``."""
+    """Command line: ``robots --policy FOLDER [--crew M] [--respawn] NAME [NAME ...] [--ros-args ...]``."""
     args = sys.argv[1:] if args is None else args
     split = args.index("--ros-args") if "--ros-args" in args else len(args)
     parser = argparse.ArgumentParser(prog="robots", description="One process a robot, forked from this one.")
     parser.add_argument("names", nargs="+", metavar="NAME", help="the robot's name, which is its namespace")
+    parser.add_argument("--policy", required=True, metavar="FOLDER", help="that each robot carries")
+    parser.add_argument("--encoding", choices=ENCODINGS, default="", help="of messages (default: the policy's)")
     parser.add_argument("--backend", choices=BACKENDS, default="torch", help="computes the policy (default: torch)")
     parser.add_argument("--respawn", action="store_true", help="start a process again that a signal has killed")
     parser.add_argument("--crew", type=int, default=1, metavar="M", help="robots in each process (default: 1)")
@@ -111,8 +116,13 @@ def main(args: list[str] | None = None) -> int:
     if options.crew < 1:
         parser.error("--crew is at least 1")
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # in the middle of an import it has nothing to clean up
-    preload(options.backend)  # before the fork, so that its memory is shared
-    ros_arguments = ["-p", f"backend:={options.backend}", *args[split + 1 :]]
+    changes = {"encoding": options.encoding} if options.encoding else {}
+    # What is wrong with it the robots say, whose parameters have the last word.
+    with contextlib.suppress(ModelError):
+        preload(Path(options.policy), options.backend, **changes)  # before the fork, so that its memory is shared
+    carried = {"policy": options.policy, "backend": options.backend, **changes}
+    said = [part for name, value in carried.items() for part in ("-p", f"{name}:={value}")]
+    ros_arguments = [*said, *args[split + 1 :]]
     try:
         return run_robots(options.names, ros_arguments, options.crew, options.respawn)
     except ValueError as error:

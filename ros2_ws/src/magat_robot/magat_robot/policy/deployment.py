@@ -9,13 +9,23 @@ from magat_robot.policy.interface import RobotPolicy
 #: computes nothing, to measure what all the rest costs.
 BACKENDS = ("torch", "onnx", "echo")
 
+_preloaded: dict[tuple[Path, str, tuple[tuple[str, Any], ...]], RobotPolicy] = {}
 
-def preload(backend: str) -> None:
-    """Import the library of ``backend``, for processes to be forked; it does not compute yet."""
-    if backend == "onnx":
-        import onnxruntime  # noqa: F401
-    elif backend == "torch":
-        import torch  # noqa: F401
+
+def preload(folder: Path, backend: str, **changes: Any) -> None:
+    """Load a policy for processes to be forked, as `load_policy` does, whose first call with these arguments finds it.
+
+    Each process has its own copy, in memory that is shared as long as nobody writes to it. So it is shared in the
+    processor's caches, too, which hold one policy, and not those of ten robots.
+
+    Raises:
+        ModelError: the policy cannot be used.
+    """
+    _preloaded[_key(folder, backend, changes)] = load_policy(folder, backend, **changes)
+
+
+def _key(folder: Path, backend: str, changes: dict[str, Any]) -> tuple[Path, str, tuple[tuple[str, Any], ...]]:
+    return folder.resolve(), backend, tuple(sorted(changes.items()))
 
 
 def load_policy(folder: Path, backend: str = "torch", **changes: Any) -> RobotPolicy:
@@ -29,6 +39,9 @@ def load_policy(folder: Path, backend: str = "torch", **changes: Any) -> RobotPo
     Raises:
         ModelError: the policy cannot be used.
     """
+    preloaded = _preloaded.pop(_key(folder, backend, changes), None)
+    if preloaded is not None:
+        return preloaded
     # Each backend is imported only where it is used: either is larger than all the rest of a robot.
     if backend == "onnx":
         from magat_robot.policy.onnx_policy import OnnxPolicy

@@ -1,8 +1,15 @@
 from glob import glob
+from pathlib import Path
 
 from setuptools import find_packages, setup
 
 PACKAGE = "magat_bringup"
+
+
+def files(folder: str) -> list[str]:
+    """What is in it: colcon's build folder keeps links to files that are there no more."""
+    return sorted(path for path in glob(f"{folder}/*") if Path(path).is_file())
+
 
 setup(
     name=PACKAGE,
@@ -11,8 +18,8 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
-        (f"share/{PACKAGE}/config", sorted(glob("config/*"))),
-        (f"share/{PACKAGE}/launch", sorted(glob("launch/*"))),
+        (f"share/{PACKAGE}/config", files("config")),
+        (f"share/{PACKAGE}/launch", files("launch")),
     ],
     install_requires=["setuptools"],
     zip_safe=True,
@@ -20,5 +27,10 @@ setup(
     maintainer_email="maintainers@magat.example",
     description="All of it together: launch files, parameters, the magat command, recorder and viewer.",
     license="Apache-2.0",
-    entry_points={"console_scripts": ["magat = magat_bringup.cli:main"]},
+    entry_points={
+        "console_scripts": [
+            "magat = magat_bringup.cli:main",
+            "discovery_server = magat_bringup.discovery:main",
+        ]
+    },
 )

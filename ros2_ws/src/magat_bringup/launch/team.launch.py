@@ -57,6 +57,15 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "respawn", default_value="true", choices=SWITCH, description="start again what a signal has killed"
             ),
+            DeclareLaunchArgument(
+                "robots", default_value="true", choices=SWITCH, description="the robots; others start them if false"
+            ),
+            DeclareLaunchArgument(
+                "server",
+                default_value="false",
+                choices=SWITCH,
+                description="a discovery server, at the address in ROS_DISCOVERY_SERVER",
+            ),
             DeclareLaunchArgument("rviz", default_value="false", choices=SWITCH, description="RViz, with its layout"),
             OpaqueFunction(function=start),
         ]
@@ -83,6 +92,8 @@ def start(context: LaunchContext) -> list[Node]:
         params=Path(given("params")) if given("params") else None,
         view=given("view") == "true",
         respawn=given("respawn") == "true",
+        robots=given("robots") == "true",
+        server=given("server") == "true",
     )
     nodes = [node(command, plan.respawn) for command in plan.commands()]
     if given("rviz") == "true":

@@ -14,7 +14,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from magat_bringup.client import EpisodeClient
-from magat_bringup.environment import loopback, own_domain
+from magat_bringup.environment import network_for, own_domain
 from magat_bringup.processes import TeamProcesses
 from magat_bringup.team import TeamFile, TeamPlan
 from magat_interfaces.action import RunEpisode
@@ -69,8 +69,6 @@ def measure(setting: Setting, policy: Path, ticks: int, encoding: str = "") -> S
         TeamError: the team cannot be started, or does not come together.
     """
     with own_domain() as domain, tempfile.TemporaryDirectory() as logs:
-        environment = loopback(domain)
-        os.environ.update(environment)
         plan = TeamPlan(
             TeamFile.numbered(setting.robots, setting.crew),
             policy,
@@ -79,12 +77,15 @@ def measure(setting: Setting, policy: Path, ticks: int, encoding: str = "") -> S
             backend=setting.backend,
             ready_timeout=READY,
         )
+        network = network_for(domain, plan.nodes)
+        plan = replace(plan, server=bool(network.server))
+        os.environ.update(network.variables)
         started = time.monotonic()
         startup = 0.0
         seconds: list[float] = []
         missing, spent = 0, 0.0
-        with TeamProcesses(plan, Path(logs), environment) as team, EpisodeClient(team, domain) as client:
-            client.wait_for_simulator()
+        with TeamProcesses(plan, Path(logs), network.variables) as team, EpisodeClient(team, domain) as client:
+            client.wait_for_simulator(READY)
 
             def note(feedback: RunEpisode.Feedback) -> None:
                 nonlocal startup

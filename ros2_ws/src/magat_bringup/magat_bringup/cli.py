@@ -3,6 +3,7 @@
 import argparse
 import dataclasses
 import json
+import shlex
 import sys
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from magat_bringup import interruption
-from magat_bringup.environment import NoDomainError
+from magat_bringup.environment import Network, NetworkError, NoDomainError
 from magat_bringup.models import find_policy
 from magat_bringup.processes import TeamError
 from magat_bringup.team import TeamFileError
@@ -20,6 +21,8 @@ from magat_sim.case import InvalidCaseError
 from magat_training.cases import SET_SEED, SPLITS
 from magat_training.data import DataSetError
 
+#: Beyond it, a domain's ports are among those that systems hand out by themselves.
+LAST_DOMAIN = 101
 #: Exit status of a process that Ctrl-C ended.
 INTERRUPTED = 130
 
@@ -34,7 +37,7 @@ def main(args: list[str] | None = None) -> int:
     except KeyboardInterrupt as interrupt:
         console.print(f"interrupted: {str(interrupt) or 'every process has ended'}")
         return INTERRUPTED
-    except (TeamError, TeamFileError, ModelError, NoDomainError, InvalidCaseError, DataSetError) as error:
+    except (TeamError, TeamFileError, ModelError, NoDomainError, NetworkError, InvalidCaseError, DataSetError) as error:
         console.print(f"[bold red]magat:[/] {escape(str(error))}", highlight=False)
         return 1
 
@@ -67,7 +70,28 @@ def _parser() -> argparse.ArgumentParser:
         help="start processes again that a signal has killed (default: yes)",
     )
     run.add_argument("--verbose", action="store_true", help="show all that the processes say, not only warnings")
+    run.add_argument(
+        "--interface",
+        default="",
+        metavar="NAME",
+        help="open the team to this interface's network, given by name or IPv4 address (default: to nobody)",
+    )
+    run.add_argument("--domain", type=_domain, help="ROS domain (default: one that no other run has)")
+    run.add_argument(
+        "--no-robots", dest="start_robots", action="store_false", help="wait for robots that are started elsewhere"
+    )
+    run.add_argument(
+        "--ready-timeout", type=_seconds, metavar="SECONDS", help="wait so long for robots (default: 60 or more)"
+    )
     run.add_argument("--require", type=int, default=0, metavar="N", help="fail unless N episodes are complete")
+
+    environment = commands.add_parser("env", help="print the environment in which processes join a team, for eval")
+    environment.set_defaults(execute=_env)
+    environment.add_argument("--domain", type=_domain, default=0, help="ROS domain of the team (default: 0)")
+    environment.add_argument(
+        "--server", default="", metavar="HOST", help="of the team's discovery server (default: none, on this host only)"
+    )
+    environment.add_argument("--tools", action="store_true", help="for tools that list topics and nodes")
 
     evaluate = commands.add_parser("evaluate", help="score a policy on many cases, in one process")
     evaluate.set_defaults(execute=_evaluate)
@@ -168,7 +192,11 @@ def _run(options: argparse.Namespace, console: Console) -> int:
     team = TeamPlan(
         TeamFile.read(options.team) if options.team else TeamFile.numbered(options.robots, options.crew),
         _exported(options.policy, console).parent if options.backend == "onnx" else find_policy(options.policy),
-        **{name: getattr(options, name) for name in ("radio", "encoding", "backend", "params", "view", "respawn")},
+        robots=options.start_robots,
+        **{
+            name: getattr(options, name)
+            for name in ("radio", "encoding", "backend", "params", "view", "respawn", "ready_timeout")
+        },
     )
     results = run(plan, team, console)
     complete = sum(result.success for result in results)
@@ -177,6 +205,13 @@ def _run(options: argparse.Namespace, console: Console) -> int:
             f"[bold red]magat:[/] only {complete} of {len(results)} episodes are complete, {options.require} required"
         )
         return 1
+    return 0
+
+
+def _env(options: argparse.Namespace, _: Console) -> int:
+    network = Network(options.domain, options.server)
+    for name, value in (network.tool_variables if options.tools else network.variables).items():
+        print(f"export {name}={shlex.quote(value)}")
     return 0
 
 
@@ -318,6 +353,13 @@ def _seconds(text: str) -> float:
     value = float(text)
     if not value > 0.0:
         raise argparse.ArgumentTypeError(f"{text} is no time above 0 seconds")
+    return value
+
+
+def _domain(text: str) -> int:
+    value = int(text)
+    if not 0 <= value <= LAST_DOMAIN:
+        raise argparse.ArgumentTypeError(f"{value} is no ROS domain: there are 0 to {LAST_DOMAIN}")
     return value
 
 

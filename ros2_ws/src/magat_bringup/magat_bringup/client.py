@@ -89,14 +89,14 @@ class EpisodeClient:
         self._recording = Recording()
         self.node.create_subscription(World, "world", self._on_world, qos.reliable(1000))
 
-    def wait_for_simulator(self) -> None:
-        """Wait until episodes can be asked for.
+    def wait_for_simulator(self, timeout: float = SIMULATOR_TIMEOUT) -> None:
+        """Wait until episodes can be asked for, at most for ``timeout`` seconds.
 
         Raises:
             TeamError: a process ended, or there is no simulator in time.
         """
-        if not self.spin(self._action.server_is_ready, SIMULATOR_TIMEOUT):
-            raise TeamError(f"no simulator after {SIMULATOR_TIMEOUT:g} s")
+        if not self.spin(self._action.server_is_ready, timeout):
+            raise TeamError(f"no simulator after {timeout:g} s")
 
     def run(self, goal: RunEpisode.Goal, on_feedback: Callable[[RunEpisode.Feedback], None]) -> EpisodeOutcome:
         """Run one episode; again from its begin if the simulator is killed and started again.

@@ -2,31 +2,149 @@
 
 import fcntl
 import os
+import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import gettempdir
 
+import psutil
 from ament_index_python.packages import get_package_share_directory
 
-#: Domains that leave room for a hundred processes below the ports that systems hand out by themselves.
-DOMAINS = range(1, 102)
+LOOPBACK = "127.0.0.1"
+#: Fast DDS's profiles: of nodes, and of the discovery server.
+PROFILES = Path(get_package_share_directory("magat_bringup")) / "config" / "fastdds.xml"
+#: More processes than these find each other through a discovery server: sooner, and beyond the profile's
+#: maxInitialPeersRange not otherwise.
+MOST_PEERS = 40
+#: Every second domain: each has 250 ports, two a process, and a large team runs into those of the next. All are below
+#: the ports that systems hand out by themselves.
+DOMAINS = range(1, 100, 2)
+#: A domain's first port, and those of the domains: RTPS's rule. Of the first ten no process uses the third.
+_FIRST_PORT, _PORTS, _SERVER_PORT = 7400, 250, 2
 
 
 class NoDomainError(RuntimeError):
-    """Every ROS domain of this machine is in use by another run."""
+    """The ROS domain, or every one of this machine, is in use by another run."""
+
+
+class NetworkError(RuntimeError):
+    """The network cannot be used; the message says what of it is missing."""
+
+
+@dataclass(frozen=True)
+class Network:
+    """A ROS domain, and how its processes on this host find the others.
+
+    Without a discovery server they look for each other on this host. With one they are found wherever they reach it.
+    """
+
+    domain: int
+    #: Name or IPv4 address of the host of the discovery server; there is none if empty.
+    server: str = ""
+
+    @property
+    def port(self) -> int:
+        """UDP port of the discovery server."""
+        return _FIRST_PORT + _PORTS * self.domain + _SERVER_PORT
+
+    @property
+    def address(self) -> str:
+        """IPv4 address of the one interface that processes on this host use: the one that leads to the server.
+
+        Raises:
+            NetworkError: none does.
+        """
+        if not self.server:
+            return LOOPBACK
+        try:
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+                probe.connect((self.server, self.port))  # sends nothing
+                return probe.getsockname()[0]
+        except OSError as error:
+            raise NetworkError(
+                f"no way leads from this host to the discovery server {self.server!r} ({error.strerror}): "
+                f"give its host's name or IPv4 address"
+            ) from error
+
+    @property
+    def variables(self) -> dict[str, str]:
+        """Environment variables of nodes on this host.
+
+        Raises:
+            NetworkError: no interface leads to the server.
+        """
+        return {
+            "ROS_DOMAIN_ID": str(self.domain),
+            # The profile names interface and peers; any other range, and what the shell may say, would override it.
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
+            "ROS_LOCALHOST_ONLY": "",
+            "ROS_DISCOVERY_SERVER": f"{self.server}:{self.port}" if self.server else "",
+            "FASTRTPS_DEFAULT_PROFILES_FILE": str(PROFILES),
+            "MAGAT_ADDRESS": self.address,
+            "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
+        }
+
+    @property
+    def tool_variables(self) -> dict[str, str]:
+        """As `variables`, for tools that list what there is: a server tells others only of what they talk to."""
+        return self.variables | ({"ROS_SUPER_CLIENT": "TRUE"} if self.server else {})
+
+
+def loopback(domain: int) -> dict[str, str]:
+    """Environment variables for nodes that speak to processes of this machine only, in ``domain``."""
+    return Network(domain).variables
+
+
+def network_for(domain: int, processes: int, interface: str = "") -> Network:
+    """The network of a team whose discovery server, if it needs one, is on this host.
+
+    Args:
+        domain: ROS domain.
+        processes: with a node, in all.
+        interface: to which the team is opened, by name or IPv4 address; to none but the loopback if empty.
+
+    Raises:
+        NetworkError: this host has no such interface.
+    """
+    if interface:
+        return Network(domain, address_of(interface))
+    return Network(domain, LOOPBACK if processes > MOST_PEERS else "")
+
+
+def address_of(interface: str) -> str:
+    """The IPv4 address of an interface of this host that is given by name or by that address.
+
+    Raises:
+        NetworkError: there is none.
+    """
+    own = [
+        (name, one.address)
+        for name, addresses in psutil.net_if_addrs().items()
+        for one in addresses
+        if one.family == socket.AF_INET
+    ]
+    for name, address in own:
+        if interface in (name, address):
+            return address
+    there = ", ".join(f"{name} ({address})" for name, address in own) or "none"
+    raise NetworkError(f"this host has no interface {interface!r} with an IPv4 address: there is {there}")
 
 
 @contextmanager
-def own_domain() -> Iterator[int]:
+def own_domain(wanted: int | None = None) -> Iterator[int]:
     """A ROS domain that no other run on this machine has; given back at the end, however the run ends.
 
+    Args:
+        wanted: this one and no other.
+
     Raises:
-        NoDomainError: all are taken.
+        NoDomainError: it is taken, or all are.
     """
     # The process's number spreads the runs of users who cannot see each other's locks.
-    for offset in range(len(DOMAINS)):
-        domain = DOMAINS[(os.getpid() + offset) % len(DOMAINS)]
+    first = os.getpid() % len(DOMAINS)
+    for domain in [*DOMAINS[first:], *DOMAINS[:first]] if wanted is None else [wanted]:
         try:
             lock = os.open(Path(gettempdir()) / f"magat-domain-{domain}.lock", os.O_CREAT | os.O_RDWR, 0o666)
         except PermissionError:
@@ -41,16 +159,6 @@ def own_domain() -> Iterator[int]:
         finally:
             os.close(lock)
         return
-    raise NoDomainError(f"the ROS domains {DOMAINS.start} to {DOMAINS.stop - 1} are all in use: end other runs")
-
-
-def loopback(domain: int) -> dict[str, str]:
-    """Environment variables for nodes that speak to processes of this machine only, in ``domain``."""
-    profile = Path(get_package_share_directory("magat_bringup")) / "config" / "fastdds_loopback.xml"
-    return {
-        "ROS_DOMAIN_ID": str(domain),
-        # The profile names the interface and the peers itself; any other range would override it.
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
-        "FASTRTPS_DEFAULT_PROFILES_FILE": str(profile),
-        "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
-    }
+    if wanted is not None:
+        raise NoDomainError(f"the ROS domain {wanted} is in use by another run: end that, or give another domain")
+    raise NoDomainError(f"the ROS domains {', '.join(map(str, DOMAINS))} are all in use: end other runs")

@@ -24,7 +24,7 @@ class TeamError(RuntimeError):
 
 
 class TeamProcesses:
-    """Robots, simulator, expert and view, in a ``with`` statement: at its end all of them have ended."""
+    """What a plan starts, in a ``with`` statement: at its end all of it has ended."""
 
     def __init__(
         self,

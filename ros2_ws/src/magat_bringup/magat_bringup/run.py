@@ -2,7 +2,8 @@
 
 import json
 import os
-from dataclasses import dataclass
+import shlex
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import monotonic
 
@@ -21,7 +22,7 @@ from rich.table import Table
 from magat_bringup import log_lines
 from magat_bringup.animation import save_animation
 from magat_bringup.client import EpisodeClient, EpisodeOutcome
-from magat_bringup.environment import loopback, own_domain
+from magat_bringup.environment import LOOPBACK, Network, network_for, own_domain
 from magat_bringup.picture import save_picture
 from magat_bringup.processes import TeamProcesses
 from magat_bringup.record import EpisodeRecord
@@ -45,6 +46,10 @@ class RunPlan:
     output: Path
     #: Whether all that the processes say is shown, or warnings only.
     verbose: bool = False
+    #: To which the team is opened, see `magat_bringup.environment.network_for`.
+    interface: str = ""
+    #: ROS domain; one that no other run on this machine has if None.
+    domain: int | None = None
 
     def goal(self, index: int) -> RunEpisode.Goal:
         """The request for episode ``index``, from 0."""
@@ -63,22 +68,25 @@ def run(plan: RunPlan, team: TeamPlan, console: Console) -> list[RunEpisode.Resu
     Raises:
         TeamFileError: there is no such parameter file.
         TeamError: a process ended, or an episode could not be run.
+        NetworkError: there is no such interface.
+        NoDomainError: the ROS domain is taken.
         KeyboardInterrupt: interrupted; no process is left behind.
     """
     crews = team.team
     robots = len(crews.robots)
     processes = "one process each" if crews.crew == 1 else f"in {crews.processes} processes"
-    console.print(
-        f"[bold]{robots} robots[/], {processes}, carry [bold]{team.policy.name}[/] on {plan.width}x{plan.height} "
-        f"cells; they talk over ROS 2, on this machine only"
-    )
     outcomes: list[EpisodeOutcome] = []
-    with own_domain() as domain:
-        environment = loopback(domain)
+    with own_domain(plan.domain) as domain:
+        network = network_for(domain, team.nodes, plan.interface)
+        team = replace(team, server=bool(network.server))
+        environment = network.variables
         os.environ.update(environment)  # for the client, which is in this process
-        if team.view:
-            console.print(f"The view is in ROS domain {domain}; RViz needs this environment:")
-            console.print(" ".join(f"{name}={value}" for name, value in environment.items()), soft_wrap=True)
+        place = "on this machine only" if network.address == LOOPBACK else f"open to the network at {network.address}"
+        console.print(
+            f"[bold]{robots} robots[/], {processes}, carry [bold]{team.policy.name}[/] on {plan.width}x{plan.height} "
+            f"cells; they talk over ROS 2, {place}"
+        )
+        _invite(team, network, console)
 
         def show(process: str, line: str) -> None:
             text = log_lines.styled(process, line, plan.verbose)
@@ -90,7 +98,7 @@ def run(plan: RunPlan, team: TeamPlan, console: Console) -> list[RunEpisode.Resu
             EpisodeClient(running, domain) as client,
             _progress(console) as progress,
         ):
-            _run_episodes(plan, robots, client, progress, outcomes)
+            _run_episodes(plan, team, client, progress, outcomes)
     results = [outcome.result for outcome in outcomes]
     console.print(_table(plan, robots, results))
     console.print(
@@ -101,13 +109,26 @@ def run(plan: RunPlan, team: TeamPlan, console: Console) -> list[RunEpisode.Resu
     return results
 
 
+def _invite(team: TeamPlan, network: Network, console: Console) -> None:
+    """Say how robots that are started elsewhere, and tools, join the team."""
+    join = f"magat env --domain {network.domain}" + (f" --server {network.server}" if network.server else "")
+    if not team.robots:
+        start = replace(team, robots=True).command("robots")
+        console.print(f"It waits {team.patience:g} s for its robots. Each host starts those that it carries:")
+        console.print(f'  eval "$({join})"', soft_wrap=True, highlight=False, markup=False)
+        console.print(f"  python -m {shlex.join(start.python)}", soft_wrap=True, highlight=False, markup=False)
+    if team.view:
+        console.print("RViz and other tools find the view in this environment:")
+        console.print(f'  eval "$({join} --tools)"', soft_wrap=True, highlight=False, markup=False)
+
+
 def _run_episodes(
-    plan: RunPlan, robots: int, client: EpisodeClient, progress: Progress, outcomes: list[EpisodeOutcome]
+    plan: RunPlan, team: TeamPlan, client: EpisodeClient, progress: Progress, outcomes: list[EpisodeOutcome]
 ) -> None:
-    started = monotonic()
+    started, robots = monotonic(), len(team.team.robots)
     joining = progress.add_task("robots found each other", total=robots)
     running = progress.add_task("episode", total=None, visible=False)
-    client.wait_for_simulator()
+    client.wait_for_simulator(team.patience)
 
     def show(feedback: RunEpisode.Feedback) -> None:
         if feedback.t_max == 0:

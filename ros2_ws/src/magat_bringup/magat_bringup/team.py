@@ -124,12 +124,30 @@ class TeamPlan:
     #: ROS parameter file for every process. Where it names a node (``/**/robot``) it goes before what is given here, as
     #: everywhere in ROS; where it speaks to all (``/**``), after it.
     params: Path | None = None
-    #: How long an episode waits for robots that are missing, seconds; the simulator's default if None.
+    #: How long an episode waits for robots that are missing, seconds; see `patience` if None.
     ready_timeout: float | None = None
     #: Whether there is a view for RViz and the like, too.
     view: bool = False
     #: Whether processes are started again that a signal has killed.
     respawn: bool = True
+    #: Whether the robots are started here; if not, others start them, on this host or on others.
+    robots: bool = True
+    #: Whether there is a discovery server, at the address in the environment variable ROS_DISCOVERY_SERVER.
+    server: bool = False
+
+    @property
+    def nodes(self) -> int:
+        """Processes with a ROS node, wherever they are: robots, simulator, expert, view, and who asks for episodes."""
+        return self.team.processes + 3 + self.view
+
+    @property
+    def patience(self) -> float:
+        """How long an episode waits for robots that are missing, seconds: the more there are, the longer."""
+        return max(60.0, 2.0 * self.team.processes) if self.ready_timeout is None else self.ready_timeout
+
+    def command(self, name: str) -> Command:
+        """How the process ``name`` is started; see `commands`."""
+        return next(command for command in self.commands() if command.name == name)
 
     def commands(self) -> list[Command]:
         """How the processes are started, one after the other.
@@ -146,16 +164,24 @@ class TeamPlan:
         encoded = ("--encoding", self.encoding) if self.encoding else ()
         carried_by = ("--crew", str(self.team.crew), *(("--respawn",) if self.respawn else ()), *self.team.robots)
         roster = ("-p", f"robots:=[{','.join(self.team.robots)}]")
-        patience = ("-p", f"ready_timeout:={self.ready_timeout:f}") if self.ready_timeout is not None else ()
+        patience = ("-p", f"ready_timeout:={self.patience:f}")
+        server = Command(
+            name="discovery",
+            package="magat_bringup",
+            executable="discovery_server",
+            module="magat_bringup.discovery",
+        )
+        robots = Command(
+            name="robots",
+            package="magat_robot",
+            executable="robots",
+            module="magat_robot.processes",
+            arguments=(*carried, *encoded, *carried_by),
+            ros_arguments=(*shared, *sized, *heard),
+        )
         started = [
-            Command(
-                name="robots",
-                package="magat_robot",
-                executable="robots",
-                module="magat_robot.processes",
-                arguments=(*carried, *encoded, *carried_by),
-                ros_arguments=(*shared, *sized, *heard),
-            ),
+            *([server] if self.server else []),
+            *([robots] if self.robots else []),
             Command(
                 name="simulator",
                 package="magat_sim",

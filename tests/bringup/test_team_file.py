@@ -291,10 +291,29 @@ def test_magat_run_and_the_launch_file_start_the_same(team_file, params, tmp_pat
     assert robots[robots.index("--policy") + 1] == str(find_policy(POLICY))
 
 
+@pytest.mark.parametrize(("robots", "server"), [(3, False), (60, True)])
+def test_magat_run_starts_a_discovery_server_for_a_large_team(tmp_path, robots, server):
+    with (
+        mock.patch.dict(os.environ),
+        mock.patch("magat_bringup.run.TeamProcesses", side_effect=NotStartedError) as processes,
+        pytest.raises(NotStartedError),
+    ):
+        main(["run", "--robots", str(robots), "--no-robots", "--output", str(tmp_path)])
+    plan, _, environment = processes.call_args.args
+    expected = TeamPlan(TeamFile.numbered(robots), find_policy(POLICY), robots=False, server=server)
+    assert plan == expected
+    assert [command.name for command in plan.commands()] == ["discovery"] * server + ["simulator", "expert"]
+    assert bool(environment["ROS_DISCOVERY_SERVER"]) == server
+    # Nobody waits for sixty processes as short a time as for three.
+    assert (plan.patience > 60.0) == server
+
+
 def test_both_start_the_same_where_nothing_is_said(tmp_path):
     by_run = TeamPlan(TeamFile.numbered(10), find_policy(POLICY), view=True).commands()
     assert launched() == [as_launched(command) for command in by_run]
     assert len(launched(view="false")) == 3
+    alone = TeamPlan(TeamFile.numbered(10), find_policy(POLICY), view=True, robots=False, server=True).commands()
+    assert launched(robots="false", server="true") == [as_launched(command) for command in alone]
     # RViz itself need not be there.
     assert launched(skip=1, rviz="true")[-1][:2] == ["-d", str(SHARE / "config" / "team.rviz")]
 
@@ -320,7 +339,7 @@ def test_the_launch_file_says_what_is_wrong(tmp_path):
 
 def test_a_module_and_an_executable_are_the_same_program(tmp_path):
     programs = {script.name: script.value for script in entry_points(group="console_scripts")}
-    for command in TeamPlan(TeamFile.numbered(2), tmp_path, view=True).commands():
+    for command in TeamPlan(TeamFile.numbered(2), tmp_path, view=True, server=True).commands():
         if command.package == "magat_expert":  # built by CMake: a script of its own
             said = Path(executable_of(command.package, command.executable)).read_text()
             assert f"from {command.module} import main" in said

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from magat_bringup.client import EpisodeClient, EpisodeOutcome
-from magat_bringup.environment import loopback, own_domain
+from magat_bringup.environment import LOOPBACK, Network, own_domain
 from magat_bringup.models import find_policy
 from magat_bringup.processes import TeamProcesses
 from magat_bringup.team import Command, TeamFile, TeamPlan
@@ -101,21 +101,21 @@ def start_named_team(policy_folder, tmp_path_factory):
         **options,
     ) -> Iterator[RunningTeam]:
         with own_domain() as domain:
-            environment = loopback(domain)
-            os.environ.update(environment)
             logs = tmp_path_factory.mktemp("logs")
             if parameters:
                 options["params"] = logs / "parameters.yaml"
                 by_node = {f"/**/{node}": {"ros__parameters": values} for node, values in parameters.items()}
                 options["params"].write_text(yaml.safe_dump(by_node))
             plan = FaultyPlan(TeamFile(tuple(names), crew), policy, faults=faults or {}, **options)
+            environment = Network(domain, LOOPBACK if plan.server else "").variables
+            os.environ.update(environment)
             importable = {"PYTHONPATH": f"{Path(__file__).parent}:{os.environ.get('PYTHONPATH', '')}"}
             said: list[tuple[str, str]] = []
             with (
                 TeamProcesses(plan, logs, environment | importable, lambda *line: said.append(line)) as processes,
                 EpisodeClient(processes, domain) as client,
             ):
-                client.wait_for_simulator()
+                client.wait_for_simulator(plan.patience)
                 yield RunningTeam(processes, client, environment, len(names), said)
 
     return start

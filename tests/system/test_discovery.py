@@ -1,0 +1,102 @@
+"""The discovery server: teams with it are like others, and nothing that they open can be reached from elsewhere."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import psutil
+import pytest
+
+from magat_bringup.environment import LOOPBACK, Network
+from magat_training.cases import SPLITS
+
+pytestmark = pytest.mark.system
+
+CASE = SPLITS["test"][9]
+
+
+def test_a_robot_that_died_comes_back_through_the_server(start_team, policy_folder):
+    victims = []
+
+    def kill_at_tick_three(feedback):
+        if feedback.tick == 3 and not victims:
+            victims.append(team.processes.pids("robots")[0])
+            os.kill(victims[0], signal.SIGKILL)
+
+    with start_team(3, server=True) as team:
+        goal = team.goal(CASE)
+        whole = team.run_undisturbed(goal).recording.positions
+        worlds = team.run(goal, kill_at_tick_three).recording.worlds
+        (dead,) = np.flatnonzero(worlds[max(worlds)].silent)
+        parameters = ["-r", f"__ns:=/robot_{dead}", "-p", f"policy:={policy_folder}", "-p", "team_size:=3"]
+        command = [sys.executable, "-m", "magat_robot.node", "--ros-args", *parameters]
+        with subprocess.Popen(command, env=os.environ | team.environment) as alone:
+            try:
+                again = team.run_undisturbed(goal).recording.positions
+            finally:
+                alone.send_signal(signal.SIGINT)
+    np.testing.assert_array_equal(again, whole)
+
+
+@pytest.mark.parametrize("server", [False, True], ids=["peers", "server"])
+def test_no_process_of_a_team_can_be_reached_from_elsewhere(start_team, server):
+    with start_team(2, server=server) as team:
+        for name in ("robots", "simulator", "expert"):
+            for pid in team.processes.pids(name):
+                assert set(listening(pid)) == {LOOPBACK}, name
+        if server:
+            (pid,) = team.processes.pids("discovery")
+            # What it sends from, it does not listen on.
+            port = Network(int(team.environment["ROS_DOMAIN_ID"]), LOOPBACK).port
+            assert [address for address, ports in listening(pid).items() if port in ports] == [LOOPBACK]
+
+
+def listening(pid: int) -> dict[str, set[int]]:
+    """UDP and TCP ports that a process has bound, by address."""
+    ports: dict[str, set[int]] = {}
+    for one in psutil.Process(pid).net_connections("inet"):
+        ports.setdefault(one.laddr.ip, set()).add(one.laddr.port)
+    return ports
+
+
+def test_the_server_dies_with_its_team(tmp_path):
+    environment = {k: v for k, v in os.environ.items() if k != "_ROS_WHEELS_BOOTSTRAP_COMPLETE"}
+    command = ["run", "--robots", "2", "--episodes", "500", "--interface", "lo", "--output", str(tmp_path)]
+    with subprocess.Popen(
+        [sys.executable, "-m", "magat_bringup", *command], env=environment, stdout=subprocess.DEVNULL
+    ) as run:
+        try:
+            wait_for(lambda: servers_of(run.pid))
+            (server,) = servers_of(run.pid)
+        finally:
+            run.kill()
+    psutil.wait_procs([server], timeout=10)
+    assert not server.is_running()
+
+
+def servers_of(pid: int) -> list[psutil.Process]:
+    return [child for child in psutil.Process(pid).children() if child.name().startswith("fast-discovery")]
+
+
+def wait_for(condition) -> None:
+    deadline = time.monotonic() + 60.0
+    while not condition():
+        assert time.monotonic() < deadline, "it did not come about in time"
+        time.sleep(0.05)
+
+
+@pytest.mark.faults
+@pytest.mark.timeout(600)
+def test_a_hundred_and_fifty_processes_find_each_other(start_team):
+    joined = []
+    started = time.monotonic()
+    with start_team(150, server=True, backend="echo", radio="relayed", ready_timeout=400.0) as team:
+        goal = team.goal(CASE, width=78, height=78, t_max=5)
+        result = team.run(goal, lambda feedback: joined.append(feedback.joined)).result
+        print(f"an episode of 150 processes ended {time.monotonic() - started:.0f} s after the first was started")
+        assert len(team.processes.pids("robots")) == 150
+    assert max(joined) == 150
+    assert result.ticks == 5

@@ -44,6 +44,8 @@ def test_a_temperature_can_be_tried(capfd, policy_folder):
         (["evaluate", "--cases", "1000000"], "has 4500 cases"),
         (["evaluate", "--cases", "2", "--robots", "500"], "do not fit"),
         (["run", "--policy", "no-such-policy"], "no policy 'no-such-policy'"),
+        (["run", "--interface", "[/none]"], "no interface '[/none]' with an IPv4 address"),
+        (["env", "--server", "nowhere.invalid"], "discovery server 'nowhere.invalid'"),
         (["train", "MAGIC"], "unknown policy name 'MAGIC'"),
         (["train", "no-such.yaml"], "the recipe no-such.yaml cannot be read"),
     ],

@@ -112,3 +112,8 @@ def test_obstacles_starts_and_goals_are_spread_evenly_over_the_map() -> None:
 def test_a_case_that_cannot_be_drawn_is_refused(size: dict) -> None:
     with pytest.raises(InvalidCaseError, match="robots do not fit"):
         draw_case(0, 0, **size)
+
+
+def test_a_map_that_would_fill_the_memory_is_refused() -> None:
+    with pytest.raises(InvalidCaseError, match="65535x65535 cells is not drawn: ask for at most 1048576"):
+        draw_case(seed=1, number=2, width=65535, height=65535)

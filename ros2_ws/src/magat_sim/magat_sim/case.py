@@ -8,6 +8,9 @@ from scipy import ndimage
 
 from magat_sim.grid import BoolArray, IntArray, at, inside
 
+#: Of a map that is drawn: cells take memory and time, and whoever is in the network may ask for them.
+MOST_CELLS = 2**20
+
 
 class InvalidCaseError(ValueError):
     """A case that no simulator should accept; the message says which robot, which cell and why."""
@@ -76,10 +79,12 @@ def draw_case(
     unique, and every goal can be reached from its start.
 
     Raises:
-        InvalidCaseError: no case with these numbers can be drawn (too many robots or obstacles).
+        InvalidCaseError: no case with these numbers can be drawn (too many robots, obstacles or cells).
     """
     whole = 0 <= density < 1  # NaN is not
     count = round(density * width * height) if whole else 0
+    if width * height > MOST_CELLS:
+        raise InvalidCaseError(f"a map of {width}x{height} cells is not drawn: ask for at most {MOST_CELLS} cells")
     if not (whole and width > 0 and height > 0 and robots > 0 and count + robots <= width * height):
         raise InvalidCaseError(
             f"{robots} robots do not fit on a {width}x{height} map of obstacle density {density}: ask for fewer"

@@ -41,6 +41,7 @@ CENTRE = 2
 #: Any, since nothing else is on these hosts.
 DOMAIN = 21
 _counter = itertools.count()
+needs_tc = pytest.mark.skipif(shutil.which("tc") is None, reason="tc not found (of iproute2)")
 
 
 class Hosts:
@@ -104,16 +105,26 @@ class Hosts:
 
     def lose(self, host: int, percent: int) -> None:
         """From now on so many of 100 packets from the host get lost, and of those to it."""
-        # In classic BPF, as not every kernel has netem: a random number modulo 100; if it is at least `percent`, the
-        # packet goes on (-1, TC_ACT_UNSPEC), else it is dropped (2, TC_ACT_SHOT).
-        program = f"5,32 0 0 4294963256,148 0 0 100,53 0 1 {percent},6 0 0 4294967295,6 0 0 2"
+        # A random number modulo 100: at least `percent`?
+        self._filter(host, "32 0 0 4294963256", "148 0 0 100", f"53 0 1 {percent}")
+
+    def allow_ports(self, host: int, ports: range) -> None:
+        """From now on UDP gets through to the host, and from it, to these ports only, as with a firewall."""
+        # IP? UDP? Not a later fragment, which has no port? Is the port in the range?
+        udp = ("40 0 0 12", "21 0 7 2048", "48 0 0 23", "21 0 5 17", "40 0 0 20", "69 3 0 8191", "40 0 0 36")
+        self._filter(host, *udp, f"53 0 2 {ports.start}", f"53 1 0 {ports.stop}")
+
+    def _filter(self, host: int, *program: str) -> None:
+        """Drop packets by a program in classic BPF (few kernels have netem): its end lets pass, one further drops."""
+        ends = ("6 0 0 4294967295", "6 0 0 2")  # TC_ACT_UNSPEC, TC_ACT_SHOT
+        code = ",".join([str(len(program) + len(ends)), *program, *ends])
         _run("tc", "-n", self._switch, "qdisc", "replace", "dev", self._port(host), "clsact")
         for way in ("ingress", "egress"):
-            drop = ("bpf", "direct-action", "bytecode", program)
-            _run("tc", "-n", self._switch, "filter", "replace", "dev", self._port(host), way, "pref", "1", *drop)
+            place = ("dev", self._port(host), way, "pref", "1")
+            _run("tc", "-n", self._switch, "filter", "replace", *place, "bpf", "direct-action", "bytecode", code)
 
     def restore(self, host: int) -> None:
-        """End what `cut_off` and `lose` did."""
+        """End what `cut_off`, `lose` and `allow_ports` did."""
         _run("ip", "-n", self._switch, "link", "set", self._port(host), "up")
         subprocess.run(
             ["tc", "-n", self._switch, "qdisc", "delete", "dev", self._port(host), "clsact"], capture_output=True
@@ -265,7 +276,7 @@ def test_robots_on_several_hosts_walk_the_paths_of_the_batched_simulator(team, p
     assert result["flowtime"] == measures.flowtime.first_visit
 
 
-@pytest.mark.skipif(shutil.which("tc") is None, reason="tc not found (of iproute2)")
+@needs_tc
 def test_with_a_fifth_of_a_hosts_packets_lost_an_episode_ends_and_says_what_was_missing(healed):
     team = healed
     undisturbed = team.run_undisturbed()["result"]
@@ -310,7 +321,8 @@ def test_a_host_that_is_cut_off_is_counted_silent_and_comes_back(healed, seconds
     assert (after["silent"], after["features_missing"]) == (0, 0)
 
 
-def test_magat_run_waits_for_robots_of_other_hosts(policy_folder, tmp_path):
+@needs_tc
+def test_magat_run_waits_for_robots_of_other_hosts_behind_their_firewalls(policy_folder, tmp_path):
     (tmp_path / "team.yaml").write_text("robots: [alice, bob]")
     options = [
         "--team",
@@ -325,6 +337,8 @@ def test_magat_run_waits_for_robots_of_other_hosts(policy_folder, tmp_path):
     ]
     command = [sys.executable, "-m", "magat_bringup", "run", *options, "--interface", "eth0", "--output", str(tmp_path)]
     with Hosts(3) as hosts:
+        for host in range(3):
+            hosts.allow_ports(host, range(12650, 13150))  # what docs/deployment.md says
         magat = hosts.start(CENTRE, command, plain_environment(), stdout=subprocess.PIPE, text=True)
         for host, name in enumerate(["alice", "bob"]):
             start_robots(hosts, host, [name], f"policy:={policy_folder}", "radio:=relayed", "team_size:=2")

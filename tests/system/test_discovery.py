@@ -11,6 +11,7 @@ import psutil
 import pytest
 
 from magat_bringup.environment import LOOPBACK, Network
+from magat_bringup.processes import TeamError
 from magat_training.cases import SPLITS
 
 pytestmark = pytest.mark.system
@@ -18,27 +19,22 @@ pytestmark = pytest.mark.system
 CASE = SPLITS["test"][9]
 
 
-def test_a_robot_that_died_comes_back_through_the_server(start_team, policy_folder):
-    victims = []
-
-    def kill_at_tick_three(feedback):
-        if feedback.tick == 3 and not victims:
-            victims.append(team.processes.pids("robots")[0])
-            os.kill(victims[0], signal.SIGKILL)
-
+def test_a_robot_that_is_killed_comes_back_through_the_server(start_team):
     with start_team(3, server=True) as team:
         goal = team.goal(CASE)
         whole = team.run_undisturbed(goal).recording.positions
-        worlds = team.run(goal, kill_at_tick_three).recording.worlds
-        (dead,) = np.flatnonzero(worlds[max(worlds)].silent)
-        parameters = ["-r", f"__ns:=/robot_{dead}", "-p", f"policy:={policy_folder}", "-p", "team_size:=3"]
-        command = [sys.executable, "-m", "magat_robot.node", "--ros-args", *parameters]
-        with subprocess.Popen(command, env=os.environ | team.environment) as alone:
-            try:
-                again = team.run_undisturbed(goal).recording.positions
-            finally:
-                alone.send_signal(signal.SIGINT)
+        before = set(team.processes.pids("robots"))
+        os.kill(min(before), signal.SIGKILL)
+        assert team.client.spin(lambda: len(set(team.processes.pids("robots")) - before) == 1, 30.0)
+        again = team.run_undisturbed(goal).recording.positions
     np.testing.assert_array_equal(again, whole)
+
+
+def test_a_team_whose_server_is_killed_ends_and_says_so(start_team):
+    with start_team(2, server=True, backend="echo") as team:
+        os.kill(team.processes.pids("discovery")[0], signal.SIGKILL)
+        with pytest.raises(TeamError, match="discovery: the process ended with status -9"):
+            team.client.spin(lambda: False, 20.0)
 
 
 @pytest.mark.parametrize("server", [False, True], ids=["peers", "server"])

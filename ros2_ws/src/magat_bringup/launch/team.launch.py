@@ -104,7 +104,7 @@ def start(context: LaunchContext) -> list[Node]:
 
 def node(command: Command, respawn: bool) -> Node:
     """The launch action that starts a process; without it there is no team, except for the view."""
-    if respawn and command.name != "robots":  # which starts its processes again by itself
+    if respawn and command.again and command.name != "robots":  # which starts its processes again by itself
         ending = {"respawn": True, "respawn_delay": 1.0, "respawn_max_retries": RESTARTS}
     else:
         ending = {} if command.name == "view" else {"on_exit": Shutdown(reason=f"{command.name} ended")}

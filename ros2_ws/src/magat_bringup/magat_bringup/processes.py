@@ -96,7 +96,8 @@ class TeamProcesses:
             status = process.poll()
             if status is None:
                 continue
-            if self._respawn and status < 0 and self._starts[name] <= RESTARTS:
+            respawn = self._respawn and self._commands[name].again
+            if respawn and status < 0 and self._starts[name] <= RESTARTS:
                 self._on_line(name, f"[WARN] [{time.time():.9f}] [{name}]: killed by signal {-status}, started again")
                 self._start(name)
                 continue

@@ -101,6 +101,8 @@ class Command:
     arguments: tuple[str, ...] = ()
     #: What follows `--ros-args`.
     ros_arguments: tuple[str, ...] = ()
+    #: Whether the team goes on if it is started again.
+    again: bool = True
 
     @property
     def python(self) -> list[str]:
@@ -170,6 +172,7 @@ class TeamPlan:
             package="magat_bringup",
             executable="discovery_server",
             module="magat_bringup.discovery",
+            again=False,  # another one would not know whom this one has brought together
         )
         robots = Command(
             name="robots",

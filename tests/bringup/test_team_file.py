@@ -299,7 +299,7 @@ def test_magat_run_starts_a_discovery_server_for_a_large_team(tmp_path, robots, 
         pytest.raises(NotStartedError),
     ):
         main(["run", "--robots", str(robots), "--no-robots", "--output", str(tmp_path)])
-    plan, _, environment = processes.call_args.args
+    plan, _, environment, _ = processes.call_args.args
     expected = TeamPlan(TeamFile.numbered(robots), find_policy(POLICY), robots=False, server=server)
     assert plan == expected
     assert [command.name for command in plan.commands()] == ["discovery"] * server + ["simulator", "expert"]

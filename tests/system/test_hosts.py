@@ -208,10 +208,10 @@ def plain_environment() -> dict[str, str]:
     return {name: value for name, value in os.environ.items() if name not in mine}
 
 
-def start_robots(hosts: Hosts, host: int, names: list[str], *told: str) -> None:
+def start_robots(hosts: Hosts, host: int, names: list[str], policy: Path, *told: str) -> None:
     """Start a host's robots by hand, as docs/deployment.md has it; they die with the hosts."""
     join = f"{sys.executable} -m magat_bringup env --domain {DOMAIN} --server {hosts.address(CENTRE)}"
-    robots = [sys.executable, "-m", "magat_robot.processes", *names, "--ros-args"]
+    robots = [sys.executable, "-m", "magat_robot.processes", "--policy", str(policy), *names, "--ros-args"]
     parameters = [part for parameter in told for part in ("-p", parameter)]
     start = f'eval "$({join})" && exec {shlex.join([*robots, *parameters])}'
     hosts.start(host, ["bash", "-c", start], plain_environment())
@@ -239,7 +239,7 @@ def team(policy_folder, tmp_path_factory) -> Iterator[SpreadTeam]:
         threading.Thread(target=listen, daemon=True).start()
         team = SpreadTeam(hosts, process, said)
         for host, names in CARRIED.items():
-            start_robots(hosts, host, names, f"policy:={policy_folder}", f"team_size:={len(ROBOTS)}")
+            start_robots(hosts, host, names, policy_folder, f"team_size:={len(ROBOTS)}")
         assert team.hear() == {"up": True}
         yield team
 
@@ -341,7 +341,7 @@ def test_magat_run_waits_for_robots_of_other_hosts_behind_their_firewalls(policy
             hosts.allow_ports(host, range(12650, 13150))  # what docs/deployment.md says
         magat = hosts.start(CENTRE, command, plain_environment(), stdout=subprocess.PIPE, text=True)
         for host, name in enumerate(["alice", "bob"]):
-            start_robots(hosts, host, [name], f"policy:={policy_folder}", "radio:=relayed", "team_size:=2")
+            start_robots(hosts, host, [name], policy_folder, "radio:=relayed", "team_size:=2")
         said, _ = magat.communicate(timeout=120)
         assert magat.returncode == 0, said
         assert f'eval "$(magat env --domain {DOMAIN} --server {hosts.address(CENTRE)})"' in said

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from magat_robot.crew import Answer, Crew, Message, Sight
+from magat_robot.exchange import MOST_MESSAGES
 from magat_robot.policy.policy import Policy
 
 EPISODE = 77
@@ -266,6 +267,14 @@ def test_another_episode_begins_at_any_tick(one_round: Policy) -> None:
     assert log.decided() == {0: log.expected(0, [1])}
     assert log.drops == 0
     assert [(message.episode, message.tick) for _, message in log.sent] == [(EPISODE, 9), (EPISODE + 1, 0)]
+
+
+def test_an_observation_that_announces_more_than_can_be_heard_is_dropped(one_round: Policy) -> None:
+    log = Log(one_round, 1)
+    assert not log.see(0, audible=range(MOST_MESSAGES + 1))
+    assert (log.drops, log.sent, log.crew.waiting) == (1, [], False)
+    assert "announces 4097 messages" in log.last_drop
+    assert log.see(0, audible=range(MOST_MESSAGES))
 
 
 def test_a_repeated_observation_is_dropped_in_every_phase(one_round: Policy) -> None:

@@ -207,6 +207,21 @@ def test_a_process_that_waits_says_hello_for_all_its_robots_and_counts_the_other
     assert (status.messages_dropped, robots._crew.exchange.dropped) == (0, 0)
 
 
+@pytest.mark.parametrize(
+    ("parameters", "every"),
+    [({"team_size": 64}, 1), ({"team_size": 65}, 2), ({"team_size": 600}, 10), ({"radio": "relayed"}, None)],
+)
+def test_in_large_teams_hellos_are_seldom_and_where_nobody_hears_them_there_are_none(node, parameters, every):
+    """These are two robots a process."""
+    robots = node(["a", "b"], **parameters)
+    said = []
+    for beat in range(20):
+        robots._on_beat()
+        said += [beat] * len(robots._send_feature.new())
+    assert said == (list(range(0, 20, every)) if every else [])
+    assert len(robots._send_status.said) == 20
+
+
 def test_a_hello_is_answered_in_the_name_that_it_asks(node):
     robots = node(["a", "b"])
     robots._on_observation(1, Observation(tick=Observation.HELLO, own_tag=77))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from magat_robot.exchange import Exchange
+from magat_robot.exchange import MOST_MESSAGES, Exchange
 from magat_robot.policy import payload
 from magat_robot.policy.config import OBSERVATION_SHAPE
 from magat_robot.policy.interface import Decision, Encoding, RobotPolicy
@@ -110,6 +110,8 @@ class Crew:
             self.exchange.drop(f"an observation of {len(view)} numbers, not {OBSERVATION_SHAPE}")
         elif max(view) > 1:
             self.exchange.drop(f"an observation that holds {max(view)}, where there are 0 and 1")
+        elif len(sight.audible_tags) > MOST_MESSAGES:
+            self.exchange.drop(f"an observation that announces {len(sight.audible_tags)} messages")
         elif self._at is not None and self._at[0] == at[0] and at[1] < self._at[1]:
             self.exchange.drop(f"a late observation, of tick {at[1]} after {self._at[1]}")
         elif at == self._at and (robot in self._sights or self._own is not None or not self._sights):

@@ -20,16 +20,19 @@ from magat_robot.policy.deployment import BACKENDS, load_policy
 from magat_robot.policy.interface import RobotPolicy
 from magat_robot.policy.payload import encoded_bytes
 
-#: Seconds between hellos while waiting, and how long a hello heard counts.
+#: Seconds between two statuses while waiting, and between two hellos in a small team.
 HELLO_PERIOD = 0.2
-HELLO_VALID = 2.0
+#: P processes hear P^2 hellos: where there are more than so many, each says hello the more seldom.
+HELLO_PROCESSES = 32
+#: A hello counts for so many of these periods.
+HELLO_VALID = 10
 #: Without an observation for so long the robots wait again, seconds.
 SILENCE = 1.0
 #: While they run, the status is sent every this many periods.
 STATUS_EVERY = 10
 
 _COUNT = struct.Struct("<I")
-_MOST_PEERS = 2**32 - 1
+_MOST = 2**32 - 1
 
 
 class RobotNode(LifecycleNode):
@@ -75,6 +78,8 @@ class RobotNode(LifecycleNode):
         if len(set(self.robots)) < len(self.robots):
             raise ValueError(f"the robots are {self.robots}: name none twice")
         self._depth = qos.shared_depth(team_size)
+        processes = team_size / len(self.robots)
+        self._hello_every = max(1, math.ceil(processes / HELLO_PROCESSES))
         self._problem: str | None = None
         self._policy: RobotPolicy | None = None
         self._nonce = secrets.randbits(64)
@@ -220,10 +225,11 @@ class RobotNode(LifecycleNode):
         assert self._policy is not None
         now = time.monotonic()
         waiting = now - self._last_observed > SILENCE
-        if waiting:
+        if waiting and self._radio == "direct" and self._beats % self._hello_every == 0:
             hello = cdr.pack_feature(0, Observation.HELLO, 0, self._nonce, 0, _COUNT.pack(len(self.robots)))
             self._send_feature.publish(hello)
-        self._peers = {nonce: peer for nonce, peer in self._peers.items() if now - peer[0] < HELLO_VALID}
+        valid = HELLO_PERIOD * self._hello_every * HELLO_VALID
+        self._peers = {nonce: peer for nonce, peer in self._peers.items() if now - peer[0] < valid}
         peers = len(self.robots) - 1 + sum(count for _, count in self._peers.values())
         self._beats += 1
         if waiting or self._beats % STATUS_EVERY == 0:
@@ -237,10 +243,10 @@ class RobotNode(LifecycleNode):
                     encoding=self._policy.config.encoding,
                     radio=self._radio,
                     rounds=len(exchange.sizes),
-                    peers_heard=min(peers, _MOST_PEERS),  # a stranger may count to any number
-                    ticks=self._ticks,
-                    features_missing=self._crew.missing,
-                    messages_dropped=exchange.dropped,
+                    peers_heard=min(peers, _MOST),  # a stranger may count to any number
+                    ticks=min(self._ticks, _MOST),
+                    features_missing=min(self._crew.missing, _MOST),
+                    messages_dropped=min(exchange.dropped, _MOST),
                     last_drop=exchange.last_drop,
                 )
             )

@@ -1,0 +1,88 @@
+"""Processes of a team are watched: what they say is told, and who is killed is started again, or not."""
+
+import os
+import signal
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from magat_bringup.processes import TeamError, TeamProcesses
+from magat_bringup.team import Command, TeamFile, TeamPlan
+from magat_robot.processes import RESTARTS
+
+
+@dataclass(frozen=True)
+class OneProgram(TeamPlan):
+    """A team of one process, which runs ``program``."""
+
+    program: str = ""
+
+    def commands(self) -> list[Command]:
+        folder = self.policy
+        (folder / "program_of_a_test.py").write_text(self.program)
+        return [Command("simulator", "", "", "program_of_a_test")]
+
+
+@pytest.fixture
+def start(tmp_path, monkeypatch):
+    """Starts a team that runs a program; with what it says."""
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}")
+    started = []
+
+    def make(program, respawn=True):
+        said = []
+        plan = OneProgram(TeamFile.numbered(1), Path(tmp_path), respawn=respawn, program=program)
+        started.append(TeamProcesses(plan, tmp_path / "logs", {}, lambda *line: said.append(line)))
+        return started[-1], said
+
+    yield make
+    for team in started:
+        team.stop()
+
+
+def until(team, condition):
+    deadline = time.monotonic() + 20.0
+    while not condition():
+        assert time.monotonic() < deadline
+        team.check()
+        time.sleep(0.01)
+
+
+SPEAK = """
+import sys, time
+sys.stdout.write("first\\nsec"); sys.stdout.flush(); time.sleep(0.3)
+print("ond"); time.sleep(60)
+"""
+
+
+def test_lines_are_told_when_they_are_whole(start):
+    team, said = start(SPEAK)
+    until(team, lambda: len(said) == 2)
+    assert said == [("simulator", "first"), ("simulator", "second")]
+
+
+def test_who_is_killed_is_started_again_a_number_of_times(start):
+    team, said = start("import time; print('here'); time.sleep(60)")
+    for times in range(1, RESTARTS + 2):
+        until(team, lambda times=times: said.count(("simulator", "here")) == times)
+        assert team.starts("simulator") == times
+        os.kill(team.pids("simulator")[0], signal.SIGKILL)
+    with pytest.raises(TeamError, match="ended with status -9"):
+        until(team, lambda: False)
+    assert sum("killed by signal 9, started again" in line for _, line in said) == RESTARTS
+
+
+def test_who_is_killed_stays_dead_if_the_plan_says_so(start):
+    team, _ = start("import time; print('here', flush=True); time.sleep(60)", respawn=False)
+    os.kill(team.pids("simulator")[0], signal.SIGTERM)
+    with pytest.raises(TeamError, match="ended with status -15"):
+        until(team, lambda: False)
+
+
+def test_who_ends_by_itself_has_said_why(start):
+    team, _ = start("print('a reason'); raise SystemExit(3)")
+    with pytest.raises(TeamError, match=r"simulator: the process ended with status 3\. It said:\n  a reason"):
+        until(team, lambda: False)
+    assert team.starts("simulator") == 1

@@ -30,6 +30,7 @@ setup(
     entry_points={
         "console_scripts": [
             "magat = magat_bringup.cli:main",
+            "recorder = magat_bringup.recorder:main",
             "discovery_server = magat_bringup.discovery:main",
         ]
     },

@@ -1,6 +1,6 @@
-"""A team: its robots, the simulator, the expert and, if wanted, the view and RViz; `--show-args` lists the arguments.
+"""A team: its robots, simulator and expert and, if wanted, a recorder, the view and RViz.
 
-What each process is told comes from `magat_bringup.team`, as for `magat run`.
+`--show-args` lists the arguments. What each process is told comes from `magat_bringup.team`, as for `magat run`.
 """
 
 # ruff: noqa: I001  (to ruff, `launch` is the folder that this file is in)
@@ -66,6 +66,9 @@ def generate_launch_description() -> LaunchDescription:
                 choices=SWITCH,
                 description="a discovery server, at the address in ROS_DISCOVERY_SERVER",
             ),
+            DeclareLaunchArgument(
+                "record", default_value="", description="folder of the bag that a recorder writes; none if empty"
+            ),
             DeclareLaunchArgument("rviz", default_value="false", choices=SWITCH, description="RViz, with its layout"),
             OpaqueFunction(function=start),
         ]
@@ -94,6 +97,7 @@ def start(context: LaunchContext) -> list[Node]:
         respawn=given("respawn") == "true",
         robots=given("robots") == "true",
         server=given("server") == "true",
+        record=Path(given("record")) if given("record") else None,
     )
     nodes = [node(command, plan.respawn) for command in plan.commands()]
     if given("rviz") == "true":

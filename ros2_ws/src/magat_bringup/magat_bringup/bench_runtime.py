@@ -33,6 +33,8 @@ class Setting:
     crew: int
     radio: str
     backend: str
+    #: Whether all that the team says is recorded.
+    recorded: bool = False
 
     @property
     def robots(self) -> int:
@@ -68,7 +70,7 @@ def measure(setting: Setting, policy: Path, ticks: int, encoding: str = "") -> S
     Raises:
         TeamError: the team cannot be started, or does not come together.
     """
-    with own_domain() as domain, tempfile.TemporaryDirectory() as logs:
+    with own_domain() as domain, tempfile.TemporaryDirectory() as folder:
         plan = TeamPlan(
             TeamFile.numbered(setting.robots, setting.crew),
             policy,
@@ -76,6 +78,7 @@ def measure(setting: Setting, policy: Path, ticks: int, encoding: str = "") -> S
             encoding=encoding,
             backend=setting.backend,
             ready_timeout=READY,
+            record=Path(folder, "bag") if setting.recorded else None,
         )
         network = network_for(domain, plan.nodes)
         plan = replace(plan, server=bool(network.server))
@@ -84,8 +87,10 @@ def measure(setting: Setting, policy: Path, ticks: int, encoding: str = "") -> S
         startup = 0.0
         seconds: list[float] = []
         missing, spent = 0, 0.0
-        with TeamProcesses(plan, Path(logs), network.variables) as team, EpisodeClient(team, domain) as client:
+        with TeamProcesses(plan, Path(folder, "logs"), network.variables) as team, EpisodeClient(team, domain) as client:
             client.wait_for_simulator(READY)
+            if setting.recorded:
+                client.wait_for_recorder()
 
             def note(feedback: RunEpisode.Feedback) -> None:
                 nonlocal startup
@@ -150,6 +155,14 @@ def summary(results: Iterable[tuple[Setting, Speed]], inferences: Mapping[str, f
                 f"{setting.processes} x {setting.crew}, {setting.radio}, {setting.backend}: p50 {median:.1f} ms, "
                 f"{median / bare:.1f} times echo robots' {echo:.1f} ms and one inference"
             )
+    speeds = {setting: speed.ticks_per_second for setting, speed in results}
+    for setting, speed in speeds.items():
+        alone = speeds.get(replace(setting, recorded=False))
+        if setting.recorded and alone is not None:
+            lines.append(
+                f"{setting.processes} x {setting.crew}, {setting.radio}, {setting.backend}: {speed:.0f} ticks/s "
+                f"recorded, {alone:.0f} not: {speed / alone - 1:+.1%}"
+            )
     return "\n".join(lines)
 
 
@@ -162,7 +175,7 @@ def table(results: Iterable[tuple[Setting, Speed]]) -> Table:
         result.add_column(heading, justify="right", no_wrap=True)
     for setting, speed in results:
         result.add_row(
-            f"{setting.processes} x {setting.crew}",
+            f"{setting.processes} x {setting.crew}" + ", recorded" * setting.recorded,
             setting.radio,
             setting.backend,
             str(speed.ticks),

@@ -3,6 +3,7 @@
 import argparse
 import dataclasses
 import json
+import os
 import shlex
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from magat_bringup import interruption
+from magat_bringup.bag import BagError
 from magat_bringup.environment import Network, NetworkError, NoDomainError
 from magat_bringup.models import find_policy
 from magat_bringup.processes import TeamError
@@ -37,7 +39,7 @@ def main(args: list[str] | None = None) -> int:
     except KeyboardInterrupt as interrupt:
         console.print(f"interrupted: {str(interrupt) or 'every process has ended'}")
         return INTERRUPTED
-    except (TeamError, TeamFileError, ModelError, NoDomainError, NetworkError, InvalidCaseError, DataSetError) as error:
+    except (TeamError, TeamFileError, ModelError, NoDomainError, NetworkError, InvalidCaseError, DataSetError, BagError) as error:
         console.print(f"[bold red]magat:[/] {escape(str(error))}", highlight=False)
         return 1
 
@@ -83,6 +85,14 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument(
         "--ready-timeout", type=_seconds, metavar="SECONDS", help="wait so long for robots (default: 60 or more)"
     )
+    run.add_argument(
+        "--record",
+        type=Path,
+        nargs="?",
+        const=Path(),
+        metavar="FOLDER",
+        help="write all that the team says to a rosbag2 folder (default: bag in the output folder)",
+    )
     run.add_argument("--require", type=int, default=0, metavar="N", help="fail unless N episodes are complete")
 
     environment = commands.add_parser("env", help="print the environment in which processes join a team, for eval")
@@ -92,6 +102,39 @@ def _parser() -> argparse.ArgumentParser:
         "--server", default="", metavar="HOST", help="of the team's discovery server (default: none, on this host only)"
     )
     environment.add_argument("--tools", action="store_true", help="for tools that list topics and nodes")
+
+    record = commands.add_parser("record", help="join a team that runs, and write all that it says to a rosbag2 folder")
+    record.set_defaults(execute=_record)
+    record.add_argument("folder", type=Path, help="of the bag; it must not be there yet")
+    record.add_argument("--namespace", help="of the team, such as /warehouse (default: that of the only one)")
+
+    recover = commands.add_parser("recover", help="finish a bag whose recorder was killed, or save what is undamaged")
+    recover.set_defaults(execute=_recover)
+    recover.add_argument("bag", type=Path)
+    recover.add_argument("--output", type=Path, help="folder of the bag to write (default: BAG_recovered)")
+
+    analyze = commands.add_parser("analyze", help="measures, timing, attention and deadlocks of a recorded team")
+    analyze.set_defaults(execute=_analyze)
+    analyze.add_argument("bag", type=Path)
+    analyze.add_argument(
+        "--policy", help="name or folder of the policy that the robots carried (default: by its digest)"
+    )
+    analyze.add_argument("--output", type=Path, metavar="FOLDER", help="for pictures and tables (default: none)")
+    analyze.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+
+    replay = commands.add_parser(
+        "replay", help="publish what was to be seen of a recorded team again, for RViz and the like"
+    )
+    replay.set_defaults(execute=_replay)
+    replay.add_argument("bag", type=Path)
+    replay.add_argument("--rate", type=_factor, default=1.0, help="times as fast as it was (default: 1)")
+    replay.add_argument("--view", action="store_true", help="start a view, in place of what a recorded one published")
+
+    for joining in (record, replay):
+        joining.add_argument("--domain", type=_domain, help="ROS domain of the team (default: the environment's)")
+        joining.add_argument(
+            "--server", default="", metavar="HOST", help="of the team's discovery server, in that domain (default: none)"
+        )
 
     evaluate = commands.add_parser("evaluate", help="score a policy on many cases, in one process")
     evaluate.set_defaults(execute=_evaluate)
@@ -171,6 +214,7 @@ def _parser() -> argparse.ArgumentParser:
         (40, 1), (4, 10), (4, 50), (2, 500)]
     )  # fmt: skip
     runtime.add_argument("--radios", choices=["direct", "relayed"], nargs="+", default=["direct", "relayed"])
+    runtime.add_argument("--record", action="store_true", help="time each team a second time, while it is recorded")
     runtime.add_argument("--ticks", type=_positive, default=100, help="of each team, at least")
 
     bench_training = commands.add_parser(
@@ -197,6 +241,8 @@ def _run(options: argparse.Namespace, console: Console) -> int:
             name: getattr(options, name)
             for name in ("radio", "encoding", "backend", "params", "view", "respawn", "ready_timeout")
         },
+        # Path() is what --record alone gives.
+        record=options.output / "bag" if options.record == Path() else options.record,
     )
     results = run(plan, team, console)
     complete = sum(result.success for result in results)
@@ -213,6 +259,52 @@ def _env(options: argparse.Namespace, _: Console) -> int:
     for name, value in (network.tool_variables if options.tools else network.variables).items():
         print(f"export {name}={shlex.quote(value)}")
     return 0
+
+
+def _record(options: argparse.Namespace, console: Console) -> int:
+    from magat_bringup.join import record
+
+    _join(options.domain, options.server)
+    return record(options.folder, options.namespace, console)
+
+
+def _recover(options: argparse.Namespace, console: Console) -> int:
+    from magat_bringup.bag import recover
+
+    bag: Path = options.bag
+    output = options.output or bag.with_name(f"{bag.resolve().stem}_recovered")
+    with console.status(f"reading {bag}"):
+        messages, damaged = recover(bag, output)
+    chunks = f"; {damaged} damaged chunks, of at most a quarter of a second, are lost" if damaged else ""
+    console.print(f"{messages} messages are in {output}{chunks}", highlight=False)
+    return 0
+
+
+def _analyze(options: argparse.Namespace, console: Console) -> int:
+    from magat_bringup.analyze import analyze, report, save, show
+
+    findings = analyze(options.bag, options.policy, console)
+    if options.output is not None:
+        save(findings, options.output, console)
+    if options.json:
+        print(json.dumps(report(findings)))
+    else:
+        show(findings, Console())
+    return 0
+
+
+def _replay(options: argparse.Namespace, console: Console) -> int:
+    from magat_bringup.replay import replay
+
+    _join(options.domain, options.server)
+    replay(options.bag, options.rate, options.view, console)
+    return 0
+
+
+def _join(domain: int | None, server: str) -> None:
+    """From now on speak where a team does: in the environment's ROS domain if ``domain`` is None."""
+    if domain is not None:
+        os.environ.update(Network(domain, server).tool_variables)
 
 
 def _exported(policy: str, console: Console) -> Path:
@@ -234,10 +326,11 @@ def _bench_runtime(options: argparse.Namespace, console: Console) -> int:
     policy = find_policy(options.policy)
     _exported(options.policy, console)
     settings = [
-        Setting(processes, crew, radio, backend)
+        Setting(processes, crew, radio, backend, recorded)
         for processes, crew in options.teams
         for radio in options.radios
         for backend in ("torch", "onnx", "echo")
+        for recorded in ((False, True) if options.record else (False,))
     ]
     results = list(bench_runtime(settings, policy, options.ticks, console))
     printer = Console()
@@ -360,6 +453,13 @@ def _domain(text: str) -> int:
     value = int(text)
     if not 0 <= value <= LAST_DOMAIN:
         raise argparse.ArgumentTypeError(f"{value} is no ROS domain: there are 0 to {LAST_DOMAIN}")
+    return value
+
+
+def _factor(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is no rate above 0")
     return value
 
 

@@ -3,19 +3,21 @@
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
 
-import numpy as np
 import rclpy
 from rclpy.action import ActionClient
 from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
+from std_msgs.msg import Empty
 
 from magat_bringup import interruption
 from magat_bringup.processes import TeamError, TeamProcesses
+from magat_bringup.recording import Recording
+from magat_bringup.topics import READY
 from magat_interfaces.action import RunEpisode
 from magat_interfaces.msg import World
 from magat_node import qos
@@ -25,43 +27,10 @@ SIMULATOR_TIMEOUT = 60.0
 #: It accepts or refuses an episode at once. Without an answer in so many seconds the request went to one that was
 #: killed, which the middleware takes some time to notice.
 ACCEPTANCE = 5.0
+#: How long to wait for the recorder to hear the whole team, seconds.
+RECORDER_TIMEOUT = 120.0
 #: How long the last messages of an episode may trail behind its result, seconds.
 TRAILING = 5.0
-
-
-@dataclass
-class Recording:
-    """What an episode looked like from outside: the World messages of its ticks, as arrays."""
-
-    episode: int = 0
-    worlds: dict[int, World] = field(default_factory=dict)
-
-    @property
-    def _ordered(self) -> list[World]:
-        return [self.worlds[tick] for tick in sorted(self.worlds)]
-
-    @property
-    def obstacles(self) -> np.ndarray:
-        """``[H, W]`` bool."""
-        first = self._ordered[0]
-        return np.asarray(first.obstacles, dtype=bool).reshape(first.height, first.width)
-
-    @property
-    def goals(self) -> np.ndarray:
-        """``[N, 2]`` int64 cells ``(x, y)``."""
-        first = self._ordered[0]
-        return np.stack([first.goal_x, first.goal_y], axis=1).astype(np.int64)
-
-    @property
-    def positions(self) -> np.ndarray:
-        """``[T + 1, N, 2]`` int64 cells ``(x, y)``."""
-        return np.stack([np.stack([w.x, w.y], axis=1) for w in self._ordered]).astype(np.int64)
-
-    @property
-    def blocked(self) -> np.ndarray:
-        """``[T, N]`` bool, moves that the shield turned into IDLE."""
-        wanted = [np.asarray(w.wanted) != np.asarray(w.moved) for w in self._ordered[1:]]
-        return np.stack(wanted) if wanted else np.zeros((0, len(self.goals)), dtype=bool)
 
 
 @dataclass(frozen=True)
@@ -97,6 +66,17 @@ class EpisodeClient:
         """
         if not self.spin(self._action.server_is_ready, timeout):
             raise TeamError(f"no simulator after {timeout:g} s")
+
+    def wait_for_recorder(self) -> None:
+        """Wait until the team's recorder misses nothing.
+
+        Raises:
+            TeamError: a process ended, or it does not hear the whole team in time.
+        """
+        told: list[Empty] = []
+        self.node.create_subscription(Empty, READY, told.append, qos.latched(1))
+        if not self.spin(lambda: bool(told), RECORDER_TIMEOUT):
+            raise TeamError(f"the recorder does not hear the whole team after {RECORDER_TIMEOUT:g} s")
 
     def run(self, goal: RunEpisode.Goal, on_feedback: Callable[[RunEpisode.Feedback], None]) -> EpisodeOutcome:
         """Run one episode; again from its begin if the simulator is killed and started again.

@@ -12,6 +12,7 @@ from rich.text import Text
 
 from magat_bringup import measured
 from magat_robot.policy.config import ModelError
+from magat_robot.policy.folder import read_folder
 from magat_robot.policy.store import CONFIG, WEIGHTS, load_network
 
 #: Bytes of a number that is sent (float32).
@@ -59,6 +60,17 @@ def all_policies() -> dict[str, Path]:
     if not policies:
         raise ModelError(f"no policies in {', '.join(map(str, folders))}: train one with `magat train`")
     return policies
+
+
+def policy_of_digest(digest: str) -> Path | None:
+    """The folder in the folders of models whose weights have this SHA-256; None if there is none."""
+    for folder in all_policies().values():
+        try:
+            if read_folder(folder)[1] == digest:
+                return folder
+        except ModelError:
+            continue  # a damaged one is not what is looked for
+    return None
 
 
 def describe(name: str, folder: Path) -> dict[str, Any]:

@@ -98,6 +98,9 @@ def run(plan: RunPlan, team: TeamPlan, console: Console) -> list[RunEpisode.Resu
             EpisodeClient(running, domain) as client,
             _progress(console) as progress,
         ):
+            if team.record is not None:
+                with console.status("the recorder joins the team"):
+                    client.wait_for_recorder()
             _run_episodes(plan, team, client, progress, outcomes)
     results = [outcome.result for outcome in outcomes]
     console.print(_table(plan, robots, results))
@@ -106,6 +109,8 @@ def run(plan: RunPlan, team: TeamPlan, console: Console) -> list[RunEpisode.Resu
         "into IDLE; missing: features that did not arrive in time[/]"
     )
     _write(plan, team, outcomes, console)
+    if team.record is not None:
+        console.print(f"The recording is in {team.record}: `magat analyze {team.record}` says what is in it.")
     return results
 
 

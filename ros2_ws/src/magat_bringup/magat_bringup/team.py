@@ -136,11 +136,13 @@ class TeamPlan:
     robots: bool = True
     #: Whether there is a discovery server, at the address in the environment variable ROS_DISCOVERY_SERVER.
     server: bool = False
+    #: Folder of the bag that a recorder writes; no recorder if None.
+    record: Path | None = None
 
     @property
     def nodes(self) -> int:
-        """Processes with a ROS node, wherever they are: robots, simulator, expert, view, and who asks for episodes."""
-        return self.team.processes + 3 + self.view
+        """Processes with a ROS node, wherever they are: robots, simulator, expert, view, recorder, and who asks for episodes."""
+        return self.team.processes + 3 + self.view + (self.record is not None)
 
     @property
     def patience(self) -> float:
@@ -200,6 +202,17 @@ class TeamPlan:
                 ros_arguments=shared,
             ),
         ]
+        if self.record is not None:
+            # First, because nothing is to be said before it listens.
+            bag = ("-p", f"bag:={self.record.resolve()}")
+            recorder = Command(
+                name="recorder",
+                package="magat_bringup",
+                executable="recorder",
+                module="magat_bringup.recorder",
+                ros_arguments=(*shared, *bag, *roster, *heard),
+            )
+            started.insert(0, recorder)
         if self.view:
             started.append(
                 Command(

@@ -1,6 +1,6 @@
 """Quality of service of the team's topics; docs/protocol.md is the same table in words."""
 
-from rclpy.qos import QoSProfile, QoSReliabilityPolicy
+from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 
 
 def newest(depth: int) -> QoSProfile:
@@ -11,6 +11,13 @@ def newest(depth: int) -> QoSProfile:
 def reliable(depth: int) -> QoSProfile:
     """Lost messages are sent again, for what people and tools watch."""
     return QoSProfile(depth=depth, reliability=QoSReliabilityPolicy.RELIABLE)
+
+
+def latched(depth: int) -> QoSProfile:
+    """Reliable, and whoever comes late is given the last messages."""
+    return QoSProfile(
+        depth=depth, reliability=QoSReliabilityPolicy.RELIABLE, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL
+    )
 
 
 def shared_depth(robots: int) -> int:

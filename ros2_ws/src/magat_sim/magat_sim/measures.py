@@ -56,6 +56,35 @@ def expert_flowtime(paths: npt.ArrayLike, goals: IntArray) -> Flowtime:
     return Flowtime(int(first_visits(on_goal).sum()), int(last_arrivals(on_goal).sum()))
 
 
+def walk_measures(
+    on_goal: BoolArray, t_max: int, moves_blocked: int, expert_flowtime: Flowtime | None
+) -> EpisodeMeasures:
+    """The measures of an episode that was watched.
+
+    Args:
+        on_goal: ``[T + 1, N]`` who stood on its goal, at the start and after each step.
+        t_max: steps that the episode could take.
+        moves_blocked: moves that the shield turned into IDLE.
+        expert_flowtime: FT*; None without an expert's solution.
+    """
+    visited, there = on_goal.any(axis=0), on_goal[-1]
+    success = bool(visited.all())
+    return EpisodeMeasures(
+        success=success,
+        success_strict=bool(on_goal.all(axis=1).any()),
+        p_rg=float(visited.mean()),
+        flowtime=Flowtime(
+            int(np.where(visited, first_visits(on_goal), t_max).sum()),
+            int(np.where(there, last_arrivals(on_goal), t_max).sum()),
+        ),
+        expert_flowtime=expert_flowtime,
+        makespan=int(first_visits(on_goal).max()) if success else t_max,
+        t_max=t_max,
+        ticks=len(on_goal) - 1,
+        moves_blocked=moves_blocked,
+    )
+
+
 def first_visits(on_goal: BoolArray) -> IntArray:
     """``[N]`` first step at which each robot is on its goal; ``on_goal`` is ``[T + 1, N]``, each robot there once."""
     return on_goal.argmax(axis=0)

@@ -359,6 +359,9 @@ class SimulatorNode(Node):
         message.x, message.y = (_int16(column) for column in simulator.position.T)
         message.goal_x, message.goal_y = (_int16(column) for column in case.goals.T)
         message.visited = simulator.visited.tolist()
+        message.t_max = int(simulator.t_max[0])
+        best = self._expert or Flowtime(-1, -1)
+        message.expert_flowtime, message.expert_flowtime_strict = best.first_visit, best.last_arrival
         if outcome is None:
             message.obstacles = array.array("B", case.obstacles.astype(np.uint8).tobytes())
             message.wanted = message.moved = array.array("B", bytes(case.robots))

@@ -15,7 +15,6 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point, TransformStamped
 from nav_msgs.msg import OccupancyGrid
 from rclpy.node import Node
-from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -53,11 +52,6 @@ IDLE_AFTER = 3.0
 #: At most so many robots are named in one line.
 NAMED = 10
 
-#: Whoever comes late is given the last message.
-_LATCHED = QoSProfile(
-    depth=1, reliability=QoSReliabilityPolicy.RELIABLE, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL
-)
-
 
 class ViewNode(Node):
     """Listens, and never speaks to the team: no robot and no simulator notices whether it runs."""
@@ -80,8 +74,8 @@ class ViewNode(Node):
         self._new_episode = False
         self._health = Health(self.get_fully_qualified_name().lstrip("/"), time.monotonic())
 
-        self._send_map = self.create_publisher(OccupancyGrid, "map", _LATCHED)
-        self._send_markers = self.create_publisher(MarkerArray, "markers", _LATCHED)
+        self._send_map = self.create_publisher(OccupancyGrid, "map", qos.latched(1))
+        self._send_markers = self.create_publisher(MarkerArray, "markers", qos.latched(1))
         self._send_diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.reliable(10))
         self._send_tf = None
         if TFMessage is not None:

@@ -77,6 +77,18 @@ class PolicyNetwork(fp.Exactable):
         thought = replace(thought, rounds=rounds, brought=brought, total=thought.total + layer.tap(hop + 1, brought))
         return thought if hop + 1 < hops else self._leave(number, thought)
 
+    def attention(self, thought: Thought, messages: Tensor, present: Tensor) -> Tensor:
+        """How much each robot listens to what `hear` would hear: ``[R, P, M]``, e_ij of Eq. 7, or 1 where it adds up.
+
+        Raises:
+            ValueError: robots that do not talk (K = 1) have nobody to listen to.
+        """
+        if self.config.taps == 1:
+            raise ValueError(f"{self.config.name} has one tap: its robots do not talk, and there is no attention")
+        layer = self._layer(thought.rounds // (self.config.taps - 1))
+        weights, total = layer.attention(thought.x, messages[:, :, : layer.inputs], present)
+        return weights / total
+
     def logits(self, thought: Thought) -> Tensor:
         """After the last round: ``[R, 5]``."""
         x = torch.cat([thought.features, thought.x], dim=1) if self.config.bottleneck else thought.x

@@ -57,6 +57,18 @@ class Policy:
         return self._encoding(self._network.hear(own.thought, heard, torch.from_numpy(present)))
 
     @torch.inference_mode()
+    def attention(
+        self, own: Encoding, messages: npt.NDArray[np.float32], present: npt.NDArray[np.bool_]
+    ) -> npt.NDArray[np.float64]:
+        """How much each robot listens to each message: ``[R, P, M]``, 0 in empty places; arguments as of `hear`.
+
+        Raises:
+            ValueError: robots of this policy do not talk.
+        """
+        heard = torch.from_numpy(messages).double()
+        return self._network.attention(own.thought, heard, torch.from_numpy(present)).numpy()
+
+    @torch.inference_mode()
     def weights(self, own: Encoding) -> npt.NDArray[np.float64]:
         """After the last round: ``[R, 5]`` whole numbers proportional to softmax(logits / T)."""
         logits = self._network.logits(own.thought)

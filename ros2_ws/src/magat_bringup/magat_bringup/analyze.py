@@ -1,0 +1,208 @@
+"""``magat analyze``: what a recording says of a team, as tables and pictures."""
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from magat_bringup.analysis import TeamRecording, deadlocks
+from magat_bringup.attention import links, listened_to, preference_for, received
+from magat_bringup.models import find_policy, policy_of_digest
+from magat_robot.policy.config import ModelError
+from magat_robot.policy.policy import Policy
+from magat_robot.policy.store import load
+from magat_sim.measures import summarise
+
+#: Of a tick's wall time.
+PERCENTILES = {"p50": 0.5, "p90": 0.9, "p99": 0.99, "max": 1.0}
+#: Conflicts are between robots at most so far apart, cells; attention to others is compared at the same distances.
+CONFLICT_DISTANCE = 2
+
+
+@dataclass(frozen=True)
+class Findings:
+    """All that is shown of a recording."""
+
+    recording: TeamRecording
+    #: The policy that the robots carried, or None, and then why it is not known.
+    policy: Policy | None
+    why: str
+    #: With attention if the policy is known and its robots talk.
+    links: pd.DataFrame
+    deadlocks: pd.DataFrame
+
+    @property
+    def attention(self) -> dict[str, pd.DataFrame]:
+        """Attention by distance, density and conflict; empty if it is not known."""
+        if "attention" not in self.links:
+            return {}
+        near = self.links[self.links.distance <= CONFLICT_DISTANCE]
+        return {
+            "distance": preference_for(self.links, "distance"),
+            "neighbours": listened_to(self.links),
+            "conflict": preference_for(near, "conflict"),
+        }
+
+    @property
+    def traffic(self) -> pd.DataFrame:
+        """One row a robot: what it sent in episodes, how it answered, and how much it was listened to."""
+        recording = self.recording
+        of_ticks = recording.messages[recording.messages.tick >= 0]
+        sent = of_ticks[of_ticks.kind.isin(["Feature", "Preference"])].groupby("robot").bytes.agg(["count", "sum"])
+        robots = recording.robots.groupby("robot")
+        table = pd.DataFrame({"name": recording.names})
+        table["messages"], table["bytes"] = sent["count"], sent["sum"]
+        table["silent"] = robots.silent.sum()
+        table["slowest"] = recording.ticks.slowest.value_counts(normalize=True)
+        table["latency_p50"], table["latency_p99"] = (robots.latency.quantile(q) for q in (0.5, 0.99))
+        table["entropy"] = robots.entropy.mean()
+        if "attention" in self.links:
+            table["attention_received"] = received(self.links)
+        counts = {"messages": 0, "bytes": 0, "silent": 0, "slowest": 0.0}
+        return table.fillna(counts).astype({"messages": int, "bytes": int, "silent": int})
+
+
+def analyze(bag: Path, policy: str | None, console: Console) -> Findings:
+    """Read ``bag``, and find out what is in it.
+
+    Args:
+        bag: folder or file.
+        policy: name or folder of what the robots carried; found by its digest if None.
+        console: shows what goes on.
+
+    Raises:
+        BagError: it cannot be read, or the features in it are not the policy's.
+        ModelError: there is no policy ``policy``.
+    """
+    with console.status(f"reading {bag}"):
+        recording = TeamRecording(bag)
+    carried, why = _policy(recording, policy)
+    with console.status("computing attention"):
+        talks = carried is not None and carried.config.taps > 1
+        return Findings(
+            recording, carried, why, links(recording, carried if talks else None), deadlocks(recording.robots)
+        )
+
+
+def _policy(recording: TeamRecording, name: str | None) -> tuple[Policy | None, str]:
+    if name is not None:
+        return load(find_policy(name)), ""
+    if recording.equipment is None:
+        return None, "the recording has no robot_status: name the policy by --policy"
+    digest = recording.equipment.digest
+    folder = policy_of_digest(digest)
+    if folder is None:
+        what = f"{recording.equipment.policy} ({digest[:12]})"
+        return None, f"there is no policy {what} in the folders of models: name its folder by --policy"
+    try:
+        return load(folder), ""
+    except ModelError as error:
+        return None, str(error)
+
+
+def report(findings: Findings) -> dict[str, Any]:
+    """The findings as plain JSON values; what is not known is None."""
+    recording = findings.recording
+    ended = recording.episodes.ended.tolist()
+    measures = [
+        episode.recording.measures for episode, whole in zip(recording.all_episodes, ended, strict=True) if whole
+    ]
+    equipment = recording.equipment
+    values = {
+        "robots": recording.names,
+        "policy": equipment and equipment.policy,
+        "digest": equipment and equipment.digest,
+        "messages": len(recording.messages),
+        "bytes": int(recording.messages.bytes.sum()),
+        "left_out": recording.left_out,
+        "lost": {name: int(recording.lost[name].sum()) for name in _LOST},
+        "episodes": recording.episodes.to_dict("records"),
+        "measures": dataclasses.asdict(summarise(measures)) if measures else None,
+        "tick_seconds": {name: float(recording.ticks.seconds.quantile(q)) for name, q in PERCENTILES.items()},
+        "traffic": findings.traffic.to_dict("records"),
+        "attention": {name: table.to_dict("records") for name, table in findings.attention.items()},
+        "deadlocks": findings.deadlocks.to_dict("records"),
+    }
+    return _plain(values)
+
+
+_LOST = ("observations", "features", "preferences", "bundles")
+
+
+def _plain(value: Any) -> Any:
+    """JSON has no NaN."""
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    return None if isinstance(value, float) and math.isnan(value) else value
+
+
+def show(findings: Findings, console: Console) -> None:
+    """The findings for people."""
+    recording, said = findings.recording, report(findings)
+    console.print(
+        f"[bold]{len(recording.names)} robots[/] with {said['policy']} ({(said['digest'] or '')[:12]}), "
+        f"{len(recording.episodes)} episodes, {said['messages']:,} messages of {said['bytes'] / 2**20:.1f} MiB",
+        highlight=False,
+    )
+    lost = {name: count for name, count in said["lost"].items() if count}
+    if lost:
+        lacking = ", ".join(f"{count} {name}" for name, count in lost.items())
+        console.print(f"[bold red]The recording lacks {lacking}[/], in {len(recording.lost)} ticks")
+    else:
+        console.print(f"Every message of each of the {len(recording.ticks)} ticks is there")
+    if recording.left_out:
+        console.print(
+            f"[bold red]{recording.left_out} episodes are left out[/]: their begin, or some of it, is not there"
+        )
+    console.print(_table(recording.episodes.drop(columns=["id", "success_strict", "delta_ft_strict"]), "Episodes"))
+    if said["measures"]:
+        low, high = said["measures"]["alpha_interval"]
+        console.print(f"alpha {said['measures']['alpha']:.2f} (95 % interval {low:.2f} to {high:.2f})")
+    times = ", ".join(f"{name} {1e3 * value:.1f}" for name, value in said["tick_seconds"].items() if value is not None)
+    console.print(f"Milliseconds a tick: {times}\n")
+    console.print(_table(findings.traffic, "Robots"))
+    for name, table in findings.attention.items():
+        console.print(_table(table, f"Attention by {name}"))
+    if findings.why:
+        console.print(f"No attention: {findings.why}", markup=False)
+    if len(findings.deadlocks):
+        console.print(_table(findings.deadlocks, "Deadlocks"))
+    else:
+        console.print("No deadlocks")
+
+
+def _table(values: pd.DataFrame, title: str) -> Table:
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    for name in values.columns:
+        table.add_column(str(name).replace("_", " "), justify="right")
+    for row in values.itertuples(index=False):
+        table.add_row(*(escape(_text(value)) for value in row))
+    return table
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
+def save(findings: Findings, folder: Path, console: Console) -> None:
+    """Write the pictures, and each table as CSV, to ``folder``."""
+    from magat_bringup.charts import save_charts  # which takes matplotlib a second to import
+
+    folder.mkdir(parents=True, exist_ok=True)
+    recording = findings.recording
+    tables = {name: getattr(recording, name) for name in ("episodes", "ticks", "robots", "messages", "lost")}
+    with console.status(f"writing to {folder}"):
+        for name, table in (tables | {"links": findings.links, "deadlocks": findings.deadlocks}).items():
+            table.to_csv(folder / f"{name}.csv", index=False)
+        save_charts(findings, folder)
+    console.print(f"Pictures and tables are in {folder}", highlight=False)

@@ -1,0 +1,107 @@
+"""``magat record``: finds a team that runs, and records it until it is told to end."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+from rich.console import Console
+
+from magat_bringup import interruption
+from magat_bringup.processes import TeamError
+from magat_bringup.recorder import RecorderNode
+from magat_interfaces.msg import FeatureBundle, Observation, World
+from magat_node.run import run_node
+
+#: How long to look for a team, seconds.
+PATIENCE = 30.0
+
+
+class Found(NamedTuple):
+    """A team that runs."""
+
+    namespace: str
+    robots: list[str]
+    radio: str
+
+
+def record(folder: Path, namespace: str | None, console: Console) -> int:
+    """Record the team of this environment's ROS domain to ``folder`` until Ctrl-C; returns the exit status.
+
+    Args:
+        folder: for the bag; it must not be there.
+        namespace: of the team; None if there is only one.
+        console: shows what goes on.
+
+    Raises:
+        TeamError: there is no team, or more than one and no ``namespace``.
+    """
+    with console.status("looking for a team"):
+        team = _find(namespace)
+    with console.status("") as status:
+
+        def create() -> Node:
+            given = {"bag": str(folder), "robots": team.robots, "radio": team.radio}
+            overrides = [Parameter(name, value=value) for name, value in given.items()]
+            node = RecorderNode(namespace=team.namespace, parameter_overrides=overrides)
+
+            def show() -> None:
+                size = f"{node.bag.messages} messages, {node.bag.size / 2**20:.1f} MiB"
+                status.update(f"recording {len(team.robots)} robots to {folder}: {size}; Ctrl-C ends it")
+
+            node.create_timer(0.5, show)
+            return node
+
+        return run_node("recorder", create, [])
+
+
+def _find(namespace: str | None) -> Found:
+    """The team whose simulator runs in ``namespace``, or anywhere."""
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node("looking", context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    try:
+        deadline = node.get_clock().now().nanoseconds + PATIENCE * 1e9
+        while node.get_clock().now().nanoseconds < deadline:
+            interruption.check()
+            executor.spin_once(timeout_sec=0.2)
+            teams = [team for team in _teams(node) if namespace in (None, team.namespace)]
+            if len(teams) > 1:
+                names = ", ".join(team.namespace for team in teams)
+                raise TeamError(f"there are teams in {names}: choose one by --namespace")
+            if teams:
+                return teams[0]
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        context.try_shutdown()
+    raise TeamError(
+        f"no simulator after {PATIENCE:g} s: start a team first, and name its ROS domain by --domain, or as in the "
+        "team's own shell"
+    )
+
+
+def _teams(node: Node) -> list[Found]:
+    """The teams whose simulators can be seen with all that they speak on."""
+    found = []
+    for name, namespace in node.get_node_names_and_namespaces():
+        if name != "simulator":
+            continue
+        spoken: dict[str, list[str]] = {}
+        for topic, (kind, *_) in node.get_publisher_names_and_types_by_node(name, namespace):
+            spoken.setdefault(kind, []).append(topic)
+        # The simulator speaks of the world on the topic that it makes last.
+        if _kind(World) in spoken:
+            start, end = len(namespace.rstrip("/")) + 1, -len("/observation")
+            robots = sorted(topic[start:end] for topic in spoken[_kind(Observation)])
+            found.append(Found(namespace, robots, "relayed" if _kind(FeatureBundle) in spoken else "direct"))
+    return found
+
+
+def _kind(message: type) -> str:
+    return f"magat_interfaces/msg/{message.__name__}"

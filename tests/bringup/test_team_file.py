@@ -264,7 +264,7 @@ def started(plan: TeamPlan, logs: Path) -> list[tuple[list[str], dict[str, str]]
 @pytest.mark.parametrize("crew", [1, 2])
 def test_magat_run_and_the_launch_file_start_the_same(team_file, params, tmp_path, crew):
     path = team_file(f"robots: [alice, bob, carol]\ncrew: {crew}")
-    chosen = {"radio": "relayed", "encoding": "float16", "backend": "onnx"}
+    chosen = {"radio": "relayed", "encoding": "float16", "backend": "onnx", "record": str(tmp_path / "bag")}
     by_launch = launched(team=str(path), policy=POLICY, params=str(params), view="true", **chosen)
 
     # What `magat run` plans, and what comes of it.
@@ -280,12 +280,13 @@ def test_magat_run_and_the_launch_file_start_the_same(team_file, params, tmp_pat
     by_run = started(plan, tmp_path)
 
     team = plan.commands()
-    assert [command.name for command in team] == ["robots", "simulator", "expert", "view"]
+    assert [command.name for command in team] == ["recorder", "robots", "simulator", "expert", "view"]
     assert by_launch == [as_launched(command) for command in team]
     assert [line for line, _ in by_run] == [[sys.executable, "-m", *command.python] for command in team]
     assert all(env.items() >= ENVIRONMENT.items() for _, env in by_run)
     assert all(str(params) in line for line, _ in by_run)
-    robots = by_run[0][0]
+    assert f"bag:={tmp_path / 'bag'}" in by_run[0][0]
+    robots = by_run[1][0]
     crews = ["--crew", str(crew), "--respawn", "alice", "bob", "carol"]
     assert robots[robots.index("--crew") :][: len(crews)] == crews
     assert robots[robots.index("--policy") + 1] == str(find_policy(POLICY))
@@ -339,7 +340,8 @@ def test_the_launch_file_says_what_is_wrong(tmp_path):
 
 def test_a_module_and_an_executable_are_the_same_program(tmp_path):
     programs = {script.name: script.value for script in entry_points(group="console_scripts")}
-    for command in TeamPlan(TeamFile.numbered(2), tmp_path, view=True, server=True).commands():
+    plan = TeamPlan(TeamFile.numbered(2), tmp_path, view=True, server=True, record=tmp_path / "bag")
+    for command in plan.commands():
         if command.package == "magat_expert":  # built by CMake: a script of its own
             said = Path(executable_of(command.package, command.executable)).read_text()
             assert f"from {command.module} import main" in said

@@ -2,10 +2,12 @@
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from rich.console import Console
 from rich.markup import escape
@@ -23,6 +25,17 @@ from magat_sim.measures import summarise
 PERCENTILES = {"p50": 0.5, "p90": 0.9, "p99": 0.99, "max": 1.0}
 #: Conflicts are between robots at most so far apart, cells; attention to others is compared at the same distances.
 CONFLICT_DISTANCE = 2
+
+#: Columns that are shown, and their headings.
+EPISODE_COLUMNS = {
+    "episode": "no", "success": "alpha", "success_strict": "strict", "delta_ft": "delta_FT", "p_rg": "p_rg",
+    "makespan": "makespan", "t_max": "T_max", "ticks": "ticks", "moves_blocked": "blocked", "silent": "silent",
+    "features_missing": "missing", "bytes_per_tick": "B/tick",
+}  # fmt: skip
+ROBOT_COLUMNS = {
+    "name": "robot", "messages": "messages", "bytes": "bytes", "silent": "silent", "slowest": "last",
+    "latency_p50": "p50", "latency_p99": "p99", "entropy": "entropy", "attention_received": "heeded",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -162,34 +175,39 @@ def show(findings: Findings, console: Console) -> None:
         console.print(
             f"[bold red]{recording.left_out} episodes are left out[/]: their begin, or some of it, is not there"
         )
-    console.print(_table(recording.episodes.drop(columns=["id", "success_strict", "delta_ft_strict"]), "Episodes"))
+    console.print(_table(recording.episodes, "Episodes", EPISODE_COLUMNS))
     if said["measures"]:
         low, high = said["measures"]["alpha_interval"]
         console.print(f"alpha {said['measures']['alpha']:.2f} (95 % interval {low:.2f} to {high:.2f})")
     times = ", ".join(f"{name} {1e3 * value:.1f}" for name, value in said["tick_seconds"].items() if value is not None)
     console.print(f"Milliseconds a tick: {times}\n")
-    console.print(_table(findings.traffic, "Robots"))
+    milliseconds = {name: 1e3 * findings.traffic[name] for name in ("latency_p50", "latency_p99")}
+    console.print(_table(findings.traffic.assign(**milliseconds), "Robots", ROBOT_COLUMNS))
+    console.print("[dim]last: share of the ticks in which it was the last to answer; p50, p99: milliseconds to answer;")
+    console.print("[dim]heeded: attention that all who hear it pay to it, in sum")
     for name, table in findings.attention.items():
-        console.print(_table(table, f"Attention by {name}"))
+        console.print(_table(table, f"\nAttention by {name}", {column: column for column in table}))
     if findings.why:
         console.print(f"No attention: {findings.why}", markup=False)
     if len(findings.deadlocks):
-        console.print(_table(findings.deadlocks, "Deadlocks"))
+        console.print(_table(findings.deadlocks, "Deadlocks", {column: column for column in findings.deadlocks}))
     else:
         console.print("No deadlocks")
 
 
-def _table(values: pd.DataFrame, title: str) -> Table:
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
-    for name in values.columns:
-        table.add_column(str(name).replace("_", " "), justify="right")
-    for row in values.itertuples(index=False):
+def _table(values: pd.DataFrame, title: str, columns: Mapping[str, str]) -> Table:
+    """Those of ``columns`` that there are, under their headings."""
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    there = [name for name in columns if name in values]
+    for name in there:
+        table.add_column(columns[name].replace("_", " "), justify="right", no_wrap=True)
+    for row in values[there].itertuples(index=False):
         table.add_row(*(escape(_text(value)) for value in row))
     return table
 
 
 def _text(value: Any) -> str:
-    if isinstance(value, bool):
+    if isinstance(value, bool | np.bool_):
         return "yes" if value else "no"
     return f"{value:.3g}" if isinstance(value, float) else str(value)
 

@@ -7,6 +7,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from matplotlib.ticker import MaxNLocator
 
 from magat_bringup.analyze import CONFLICT_DISTANCE, PERCENTILES, Findings
 from magat_bringup.record import ALARM, INK, ROBOT_INKS, tint
@@ -58,7 +59,7 @@ def timing_chart(findings: Findings) -> Figure:
             ticks.annotate(name, (len(milliseconds), milliseconds.quantile(quantile)), fontsize=7, color=INK)
     for begin in np.flatnonzero(recording.ticks.episode.diff().fillna(0))[:200]:
         ticks.axvline(begin, color=tint(INK, 0.15), linewidth=0.6)
-    ticks.set(xlabel="ticks, all episodes", ylabel="milliseconds a tick", yscale="log", title="ticks")
+    ticks.set(xlabel="ticks, all episodes", ylabel="milliseconds a tick", ylim=(0, None), title="ticks")
     latency = 1e3 * recording.robots.set_index("robot").latency.dropna()
     each = [latency.loc[[robot]] if robot in latency.index else [] for robot in range(len(recording.names))]
     robots.boxplot(each, showfliers=False, medianprops={"color": ALARM}, boxprops={"color": INK}, widths=0.6)
@@ -85,6 +86,7 @@ def decisions_chart(findings: Findings) -> Figure:
                 place = (stuck.begin - 0.5, robot - 0.5)
                 episode.add_patch(Rectangle(place, stuck.ticks, 1, fill=False, edgecolor=ALARM, linewidth=1.2))
         episode.set(xlabel="tick", ylabel="robot", title=f"episode {number}; deadlocks in red")
+        episode.yaxis.set_major_locator(MaxNLocator(integer=True))
     return figure
 
 

@@ -99,8 +99,9 @@ def run(plan: RunPlan, team: TeamPlan, console: Console) -> list[RunEpisode.Resu
             _progress(console) as progress,
         ):
             if team.record is not None:
-                with console.status("the recorder joins the team"):
-                    client.wait_for_recorder()
+                task = progress.add_task("the recorder joins the team", total=None)
+                client.wait_for_recorder()
+                progress.remove_task(task)
             _run_episodes(plan, team, client, progress, outcomes)
     results = [outcome.result for outcome in outcomes]
     console.print(_table(plan, robots, results))

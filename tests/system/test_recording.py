@@ -1,0 +1,208 @@
+"""Recordings of real teams: nothing is lost at full rate, little when the recorder is killed, all is shown again."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import rclpy
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from nav_msgs.msg import OccupancyGrid
+from rclpy.executors import SingleThreadedExecutor
+from rosbags.highlevel import AnyReader
+
+from magat_bringup.analysis import TeamRecording
+from magat_bringup.bag import BagError, bag_files, read_bag, recover
+from magat_bringup.environment import loopback, own_domain
+from magat_bringup.processes import TeamError
+from magat_interfaces.msg import World
+from magat_node import qos
+from magat_training.cases import SPLITS
+
+pytestmark = pytest.mark.system
+
+CASE = SPLITS["test"][3]
+#: What `magat analyze` says of an episode as the action's result does.
+SAME = ("success", "success_strict", "delta_ft", "delta_ft_strict", "p_rg", "flowtime", "makespan", "t_max", "ticks",
+        "moves_blocked", "silent", "features_missing", "bytes_per_tick")  # fmt: skip
+
+
+def magat(*arguments: object, environment: dict[str, str] | None = None) -> subprocess.Popen[str]:
+    inherited = {k: v for k, v in os.environ.items() if k != "_ROS_WHEELS_BOOTSTRAP_COMPLETE"}
+    return subprocess.Popen(
+        [sys.executable, "-m", "magat_bringup", *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env=inherited | (environment or {}),
+    )
+
+
+def said_by(process: subprocess.Popen[str], timeout: float = 60) -> str:
+    output, _ = process.communicate(timeout=timeout)
+    assert process.returncode == 0, output
+    return output
+
+
+@pytest.fixture(scope="module", params=["direct", "relayed"])
+def run(request, tmp_path_factory) -> Path:
+    """The output folder of a run of twenty robots that was recorded and looked at."""
+    folder = tmp_path_factory.mktemp(request.param)
+    options = ("--robots", 20, "--width", 28, "--height", 28, "--episodes", 2, "--radio", request.param)
+    said_by(magat("run", *options, "--record", "--view", "--output", folder), timeout=110)
+    return folder
+
+
+@pytest.mark.timeout(200)
+def test_every_message_of_every_tick_of_twenty_robots_is_there(run):
+    recording = TeamRecording(run / "bag")
+    results = json.loads((run / "results.json").read_text())
+    ticks = sum(result["ticks"] for result in results)
+    assert len(recording.ticks) == ticks > 20
+    assert recording.lost.to_numpy().tolist() == []
+    messages = recording.messages[recording.messages.tick >= 0]
+    counts = messages.groupby("kind").size()
+    # Robots that missed the deadline, on a busy machine, may have said less.
+    late = sum(result["silent"] for result in results)
+    for kind in ("Observation", "Feature", "Preference"):
+        assert 20 * ticks - late <= counts[kind] <= 20 * ticks, kind
+    assert counts["World"] == ticks + 2
+    if run.name.startswith("relayed"):
+        assert 20 * ticks - late <= counts["FeatureBundle"] <= 20 * ticks
+    else:
+        assert "FeatureBundle" not in counts
+
+
+@pytest.mark.timeout(200)
+def test_other_libraries_read_all_of_it(run):
+    count = 0
+    with AnyReader([run / "bag"]) as reader:
+        for connection, _, data in reader.messages():
+            reader.deserialize(data, connection.msgtype)
+            count += 1
+        assert count == reader.message_count
+        seen = {connection.topic for connection in reader.connections if connection.msgcount}
+    assert {"/world", "/feature", "/preference", "/robot_status", "/rosout"} <= seen
+    assert {"/diagnostics", "/map", "/markers", "/robot_19/observation"} <= seen
+    with bag_files(run / "bag")[0].open("rb") as file:
+        decoded = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
+        assert sum(1 for _ in decoded) == count
+
+
+@pytest.mark.timeout(200)
+def test_magat_analyze_finds_the_runs_own_measures_and_the_attention_of_its_robots(run, tmp_path):
+    output = said_by(magat("analyze", run / "bag", "--json", "--output", tmp_path))
+    said = json.loads(output[output.index('{"robots"') :])
+    results = json.loads((run / "results.json").read_text())
+    for episode, result in zip(said["episodes"], results, strict=True):
+        assert episode["id"] == result["episode"]
+        assert {name: episode[name] for name in SAME} == {name: result[name] for name in SAME}
+    assert set(said["lost"].values()) == {0}
+    # Nearest neighbours are heard most, with a policy whose attention was trained.
+    nearest, *_, farthest = said["attention"]["distance"]
+    assert nearest["relative"] > farthest["relative"] > 0
+    pictures = {path.name for path in tmp_path.glob("*.png")}
+    assert pictures == {"attention.png", "timing.png", "decisions.png"}
+
+
+def test_of_a_recorder_that_is_killed_all_but_the_last_second_is_there(start_team, tmp_path):
+    bag = tmp_path / "bag"
+    killed = []
+
+    def kill_at_tick_twenty(feedback):
+        if feedback.tick == 20 and not killed:
+            os.kill(team.processes.pids("recorder")[0], signal.SIGKILL)
+            killed.append(time.time_ns())
+
+    with start_team(5, record=bag) as team:
+        team.client.wait_for_recorder()
+        first = team.run(team.goal(CASE))
+        # So long that it is not over before it is killed.
+        with pytest.raises(TeamError, match="recorder: the process ended with status -9"):
+            team.run(team.goal(CASE, t_max=5000, width=60, height=60), kill_at_tick_twenty)
+    with pytest.raises(BagError, match="was not finished"):
+        list(read_bag(bag))
+    saved = recover(bag, tmp_path / "saved")
+    assert saved.damaged == 0
+    last = max(message.received for message in read_bag(tmp_path / "saved"))
+    assert killed[0] - last < 1e9
+    recording = TeamRecording(tmp_path / "saved")
+    assert recording.lost[recording.lost.episode == 0].to_numpy().tolist() == []
+    assert recording.episodes.id[0] == first.result.episode
+    assert recording.episodes.ended.tolist()[0]
+    with AnyReader([tmp_path / "saved"]) as reader:
+        assert reader.message_count == saved.messages
+
+
+def test_the_recorder_writes_over_nothing_and_says_nothing_to_the_team(start_team, tmp_path):
+    (tmp_path / "bag").mkdir()
+    with pytest.raises(TeamError, match="is there already: remove it"), start_team(2, record=tmp_path / "bag") as team:
+        team.client.wait_for_recorder()
+    with start_team(2, record=tmp_path / "other") as team:
+        team.client.wait_for_recorder()
+        node = team.client.node
+        spoken = {
+            topic
+            for name in ("recorder", "recorder_ears")
+            for topic, _ in node.get_publisher_names_and_types_by_node(name, "/")
+        }
+        assert spoken <= {"/recorder/ready", "/rosout", "/parameter_events"}
+
+
+def test_a_running_team_is_joined_and_what_it_does_from_then_on_is_recorded(start_team, tmp_path):
+    bag = tmp_path / "bag"
+    with start_team(3) as team:
+        team.run(team.goal(CASE))
+        recorder = magat("record", bag, environment=team.environment)
+        listens = ("/world", "/feature", "/preference", *(f"/robot_{i}/observation" for i in range(3)))
+
+        def joined() -> bool:
+            node = team.client.node
+            ears = [node.get_subscriptions_info_by_topic(topic) for topic in listens]
+            return all("recorder_ears" in {end.node_name for end in ends} for ends in ears)
+
+        assert team.client.spin(joined, 40.0)
+        # The team may take a moment longer than this node to see the recorder; then there is nothing more to miss.
+        episodes = [team.run(team.goal(CASE)).result.episode for _ in range(3)]
+        recorder.send_signal(signal.SIGINT)
+        said_by(recorder, timeout=20)
+    recording = TeamRecording(bag)
+    assert recording.names == ["robot_0", "robot_1", "robot_2"]
+    assert recording.episodes.id.tolist()[-1] == episodes[-1]
+    assert len(recording.lost[recording.lost.episode == recording.episodes.episode.max()]) == 0
+
+
+@pytest.mark.parametrize("run", ["direct"], indirect=True)
+def test_the_world_is_shown_again_faster_and_a_view_draws_it(run):
+    worlds, maps = [], []
+    context = rclpy.Context()
+    with own_domain() as domain:
+        environment = loopback(domain)
+        replay = magat("replay", run / "bag", "--rate", 3, "--view", environment=environment)
+        before = {name: os.environ.get(name) for name in environment}
+        os.environ.update(environment)
+        rclpy.init(args=[], context=context, domain_id=domain)
+        node = rclpy.create_node("watching", context=context)
+        executor = SingleThreadedExecutor(context=context)
+        executor.add_node(node)
+        try:
+            node.create_subscription(World, "/world", worlds.append, qos.reliable(1000))
+            node.create_subscription(OccupancyGrid, "/map", maps.append, qos.latched(1))
+            deadline = time.monotonic() + 60
+            while replay.poll() is None and time.monotonic() < deadline:
+                executor.spin_once(timeout_sec=0.1)
+        finally:
+            executor.shutdown()
+            node.destroy_node()
+            context.try_shutdown()
+            os.environ.update({name: value for name, value in before.items() if value is not None})
+    said_by(replay)
+    recorded = [message.message for message in read_bag(run / "bag") if message.topic == "/world"]
+    assert [(w.episode, w.tick) for w in worlds] == [(w.episode, w.tick) for w in recorded]
+    assert {(grid.info.width, grid.info.height) for grid in maps} == {(28, 28)}
+    assert 100 in set(maps[0].data)

@@ -1,6 +1,8 @@
 """What is found out from a bag of a team whose every message is known, because it is simulated here."""
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -384,6 +386,14 @@ def test_who_rests_on_its_goal_is_no_deadlock_and_who_is_silent_is_told():
 
 
 # --- The command ---
+
+
+def test_an_analyst_needs_no_ros():
+    program = "import sys, magat_bringup.attention, magat_bringup.analyze, magat_bringup.charts; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
+    loaded = {name.partition(".")[0] for name in done.stdout.split()}
+    assert "magat_bringup" in loaded
+    assert not loaded & {"rclpy", "magat_interfaces", "magat_node"}
 
 
 def test_the_report_is_plain_json_and_pictures_and_tables_are_written(simulate, small_policy, tmp_path):

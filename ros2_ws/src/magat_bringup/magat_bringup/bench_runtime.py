@@ -149,7 +149,7 @@ def summary(results: Iterable[tuple[Setting, Speed]], inferences: Mapping[str, f
     p50 = {setting: speed.p50 for setting, speed in results}
     for setting, median in p50.items():
         echo = p50.get(replace(setting, backend="echo"))
-        if setting.backend in inferences and echo is not None:
+        if setting.backend in inferences and echo is not None and not setting.recorded:
             bare = echo + inferences[setting.backend]
             lines.append(
                 f"{setting.processes} x {setting.crew}, {setting.radio}, {setting.backend}: p50 {median:.1f} ms, "
@@ -175,7 +175,7 @@ def table(results: Iterable[tuple[Setting, Speed]]) -> Table:
         result.add_column(heading, justify="right", no_wrap=True)
     for setting, speed in results:
         result.add_row(
-            f"{setting.processes} x {setting.crew}" + ", recorded" * setting.recorded,
+            f"{setting.processes} x {setting.crew}" + " rec." * setting.recorded,
             setting.radio,
             setting.backend,
             str(speed.ticks),

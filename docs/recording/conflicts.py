@@ -18,12 +18,11 @@ heard = links(recording, load(folder))
 
 figure, (attention, entropy) = plt.subplots(1, 2, figsize=(8, 3), layout="constrained")
 
-# A link a row: whom a robot hears, from how far, with what weight, and whether both want the same cell, or each other's.
+# A link a row: whom a robot hears, from how far, how much, and whether both want the same cell, or each other's.
 for conflict, colour, label in ((True, "#e03131", "in conflict"), (False, "#2b3440", "others")):
     table = preference_for(heard[(heard.conflict == conflict) & (heard.distance <= 4)], "distance")
-    attention.errorbar(
-        table.distance, table.relative, table.half_width, color=colour, marker="o", capsize=3, label=label
-    )
+    look = {"color": colour, "marker": "o", "capsize": 3, "label": label}
+    attention.errorbar(table.distance, table.relative, table.half_width, **look)
     print(f"{label}:\n{table.to_string(index=False)}\n")
 attention.axhline(1, color="grey", linestyle="--", linewidth=0.8)
 attention.set(xlabel="distance, up to (cells)", ylabel="attention, all alike = 1", xticks=range(1, 5))

@@ -110,6 +110,13 @@ def test_magat_analyze_finds_the_runs_own_measures_and_the_attention_of_its_robo
     assert pictures == {"attention.png", "timing.png", "decisions.png"}
 
 
+@pytest.mark.parametrize("run", ["direct"], indirect=True)
+def test_the_worked_example_runs(run, tmp_path):
+    script = Path(__file__).parents[2] / "docs" / "recording" / "conflicts.py"
+    subprocess.run([sys.executable, script, run / "bag"], cwd=tmp_path, timeout=100, check=True)
+    assert (tmp_path / "conflicts.png").stat().st_size > 10_000
+
+
 def test_of_a_recorder_that_is_killed_all_but_the_last_second_is_there(start_team, tmp_path):
     bag = tmp_path / "bag"
     killed = []

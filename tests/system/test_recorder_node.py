@@ -1,0 +1,94 @@
+"""The recorder alone: when it says that it misses nothing, and what it refuses."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from std_msgs.msg import Empty
+
+from magat_bringup.bag import read_bag
+from magat_bringup.environment import own_domain
+from magat_bringup.recorder import RecorderNode
+from magat_bringup.topics import READY
+from magat_interfaces.msg import Feature, Observation
+from magat_node import cdr, qos
+
+pytestmark = pytest.mark.system
+
+HELLO = Observation.HELLO
+
+
+@pytest.fixture
+def context() -> Iterator[rclpy.Context]:
+    context = rclpy.Context()
+    with own_domain() as domain:
+        rclpy.init(args=[], context=context, domain_id=domain)
+        yield context
+        context.try_shutdown()
+
+
+def recorder(context: rclpy.Context, bag: Path, *robots: str) -> RecorderNode:
+    given = {"bag": str(bag), "robots": list(robots)}
+    return RecorderNode(context=context, parameter_overrides=[Parameter(n, value=v) for n, v in given.items()])
+
+
+@pytest.mark.parametrize("last", ["a robot", "the simulator"])
+def test_it_is_ready_when_it_has_heard_each_robot_and_the_simulator_speak_to_each(context, tmp_path, last):
+    node = recorder(context, tmp_path / "bag", "alice", "bob", "carol")
+    team: Node = rclpy.create_node("team", context=context)
+    executor = SingleThreadedExecutor(context=context)
+    for one in (node, team):
+        executor.add_node(one)
+    told: list[Empty] = []
+    team.create_subscription(Empty, READY, told.append, qos.latched(1))
+    simulator = [
+        team.create_publisher(Observation, f"{name}/observation", qos.newest(4)) for name in ("alice", "bob", "carol")
+    ]
+    robots = team.create_publisher(Feature, "feature", qos.newest(64))
+
+    def spin(until=lambda: False, seconds: float = 0.5) -> bool:
+        deadline = team.get_clock().now().nanoseconds + seconds * 1e9
+        while not until() and team.get_clock().now().nanoseconds < deadline:
+            executor.spin_once(timeout_sec=0.05)
+        return until()
+
+    def hello(process: int, carries: int) -> None:
+        robots.publish(cdr.pack_feature(0, HELLO, 0, process, 0, carries.to_bytes(4, "little")))
+
+    ends = (*simulator, robots)
+    assert spin(lambda: all(end.get_subscription_count() for end in ends), 20.0)
+
+    def speak(publishers) -> None:
+        for publisher in publishers:
+            publisher.publish(Observation(tick=HELLO, own_tag=1))
+
+    hello(1, 2)
+    hello(1, 2)  # the same process again
+    if last == "a robot":
+        speak(simulator)
+    else:
+        hello(2, 1)
+        speak(simulator[:2])
+    spin()
+    assert not node.ready
+    if last == "a robot":
+        hello(2, 1)
+    else:
+        speak(simulator[2:])
+    assert spin(lambda: bool(told), 20.0)
+    assert node.ready
+    executor.remove_node(node)
+    node.destroy_node()
+    team.destroy_node()
+    assert sum(m.type.endswith("/Feature") for m in read_bag(tmp_path / "bag")) == 3
+
+
+@pytest.mark.parametrize("given", [{}, {"bag": "somewhere"}, {"robots": ["alice"]}], ids=str)
+def test_it_says_what_it_is_to_be_told(context, given, tmp_path):
+    values = {name: str(tmp_path / value) if name == "bag" else value for name, value in given.items()}
+    with pytest.raises(ValueError, match="name a folder and the robots"):
+        RecorderNode(context=context, parameter_overrides=[Parameter(n, value=v) for n, v in values.items()])

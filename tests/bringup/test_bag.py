@@ -13,7 +13,7 @@ from rclpy.serialization import serialize_message
 from rosbags.highlevel import AnyReader
 from visualization_msgs.msg import Marker, MarkerArray
 
-from magat_bringup.bag import BagError, BagWriter, bag_span, bag_topics, read_bag, recover
+from magat_bringup.bag import BagError, BagWriter, bag_span, bag_topics, continuation, read_bag, recover
 from magat_bringup.topics import TeamTopic, described, team_topics
 from magat_interfaces.msg import Feature, Preference
 from magat_node import qos
@@ -191,6 +191,15 @@ def test_what_is_no_bag_is_named(tmp_path, contents, said):
     with pytest.raises(BagError, match=r"there is no bag .*nowhere"):
         list(read_bag(tmp_path / "nowhere"))
     assert not (tmp_path / "saved").exists()
+
+
+def test_a_recorder_that_was_killed_goes_on_in_another_folder(bag, tmp_path):
+    assert continuation(tmp_path / "new") == tmp_path / "new"
+    assert continuation(bag) == bag, "it is finished: to write over it is refused"
+    write(tmp_path / "cut")
+    assert continuation(tmp_path / "cut") == tmp_path / "cut_2"
+    write(tmp_path / "cut_2")
+    assert continuation(tmp_path / "cut") == tmp_path / "cut_3"
 
 
 def test_a_beginning_of_which_nothing_can_be_read_is_named(tmp_path):

@@ -92,6 +92,7 @@ class BagWriter:
         self._file = (self.folder / f"{self.folder.resolve().name}_0.mcap").open("wb")
         self._writer = Writer(self._file)
         self._writer.start(profile="ros2")
+        self._writer.flush()  # from now on it can be told from what is no bag
 
     @property
     def messages(self) -> int:
@@ -262,11 +263,20 @@ def _finished(path: Path) -> bool:
 # --- Recovery ---
 
 
+def continuation(folder: Path) -> Path:
+    """Where a recorder writes that is told ``folder``: there or, where one was killed, to FOLDER_2 and so on."""
+    chosen, number = folder, 1
+    while chosen.is_dir() and any(not _finished(path) for path in chosen.glob("*.mcap")):
+        number += 1
+        chosen = folder.with_name(f"{folder.name}_{number}")
+    return chosen
+
+
 class Recovered(NamedTuple):
     """What came of a bag that was cut off or damaged."""
 
     messages: int
-    #: Chunks (at most half a second each, see `magat_bringup.recorder`) that could not be read.
+    #: Chunks (of at most a quarter of a second, see `magat_bringup.recorder`) that could not be read.
     damaged: int
 
 
@@ -297,7 +307,7 @@ def _topics_of(path: Path) -> dict[int, Topic]:
         BagError: it is no MCAP file.
     """
     _finished(path)
-    records = list(_readable(path, []))
+    records = [record for record in _readable(path, []) if isinstance(record, Schema | Channel)]
     schemas = {record.id: record for record in records if isinstance(record, Schema)}
     topics = {}
     for record in records:

@@ -11,7 +11,7 @@ import rclpy
 from rclpy.node import Node
 from std_msgs.msg import Empty
 
-from magat_bringup.bag import BagWriter
+from magat_bringup.bag import BagWriter, continuation
 from magat_bringup.topics import READY, described, team_topics
 from magat_interfaces.msg import Observation
 from magat_node import cdr, qos
@@ -35,12 +35,14 @@ class RecorderNode(Node):
             BagError: the bag is there already, or cannot be made.
         """
         super().__init__("recorder", **options)
-        folder = declare_value(self, "bag", "", "folder to record to; it must not be there yet")
+        folder = declare_value(
+            self, "bag", "", "folder to record to; it must not be there yet, unless its recorder was killed"
+        )
         robots = declare_value(self, "robots", [""], "names of the robots, which are their namespaces")
         radio = declare_choice(self, "radio", "direct", ["direct", "relayed"], "as the simulator's")
         if not folder or list(robots) == [""]:
             raise ValueError("name a folder and the robots: -p bag:=FOLDER -p robots:=[alice, bob]")
-        self.bag = BagWriter(Path(folder))
+        self.bag = BagWriter(continuation(Path(folder)))
         self.ready = False
         self._hellos: dict[int, int] = {}
         self._robots = len(robots)

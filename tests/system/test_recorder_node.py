@@ -14,8 +14,8 @@ from magat_bringup.bag import read_bag
 from magat_bringup.environment import own_domain
 from magat_bringup.recorder import RecorderNode
 from magat_bringup.topics import READY
-from magat_interfaces.msg import Feature, Observation
-from magat_node import cdr, qos
+from magat_interfaces.msg import Observation, RobotStatus
+from magat_node import qos
 
 pytestmark = pytest.mark.system
 
@@ -48,7 +48,7 @@ def test_it_is_ready_when_it_has_heard_each_robot_and_the_simulator_speak_to_eac
     simulator = [
         team.create_publisher(Observation, f"{name}/observation", qos.newest(4)) for name in ("alice", "bob", "carol")
     ]
-    robots = team.create_publisher(Feature, "feature", qos.newest(64))
+    robots = team.create_publisher(RobotStatus, "robot_status", qos.reliable(64))
 
     def spin(until=lambda: False, seconds: float = 0.5) -> bool:
         deadline = team.get_clock().now().nanoseconds + seconds * 1e9
@@ -56,8 +56,8 @@ def test_it_is_ready_when_it_has_heard_each_robot_and_the_simulator_speak_to_eac
             executor.spin_once(timeout_sec=0.05)
         return until()
 
-    def hello(process: int, carries: int) -> None:
-        robots.publish(cdr.pack_feature(0, HELLO, 0, process, 0, carries.to_bytes(4, "little")))
+    def report(*names: str) -> None:
+        robots.publish(RobotStatus(robots=names))
 
     ends = (*simulator, robots)
     assert spin(lambda: all(end.get_subscription_count() for end in ends), 20.0)
@@ -66,17 +66,16 @@ def test_it_is_ready_when_it_has_heard_each_robot_and_the_simulator_speak_to_eac
         for publisher in publishers:
             publisher.publish(Observation(tick=HELLO, own_tag=1))
 
-    hello(1, 2)
-    hello(1, 2)  # the same process again
+    report("alice", "bob")
     if last == "a robot":
         speak(simulator)
     else:
-        hello(2, 1)
+        report("carol")
         speak(simulator[:2])
     spin()
     assert not node.ready
     if last == "a robot":
-        hello(2, 1)
+        report("carol")
     else:
         speak(simulator[2:])
     assert spin(lambda: bool(told), 20.0)
@@ -84,7 +83,7 @@ def test_it_is_ready_when_it_has_heard_each_robot_and_the_simulator_speak_to_eac
     executor.remove_node(node)
     node.destroy_node()
     team.destroy_node()
-    assert sum(m.type.endswith("/Feature") for m in read_bag(tmp_path / "bag")) == 3
+    assert sum(m.type.endswith("/RobotStatus") for m in read_bag(tmp_path / "bag")) == 2
 
 
 @pytest.mark.parametrize("given", [{}, {"bag": "somewhere"}, {"robots": ["alice"]}], ids=str)

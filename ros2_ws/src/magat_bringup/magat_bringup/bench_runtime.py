@@ -87,7 +87,10 @@ def measure(setting: Setting, policy: Path, ticks: int, encoding: str = "") -> S
         startup = 0.0
         seconds: list[float] = []
         missing, spent = 0, 0.0
-        with TeamProcesses(plan, Path(folder, "logs"), network.variables) as team, EpisodeClient(team, domain) as client:
+        with (
+            TeamProcesses(plan, Path(folder, "logs"), network.variables) as team,
+            EpisodeClient(team, domain) as client,
+        ):
             client.wait_for_simulator(READY)
             if setting.recorded:
                 client.wait_for_recorder()

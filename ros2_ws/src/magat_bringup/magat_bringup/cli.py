@@ -39,7 +39,16 @@ def main(args: list[str] | None = None) -> int:
     except KeyboardInterrupt as interrupt:
         console.print(f"interrupted: {str(interrupt) or 'every process has ended'}")
         return INTERRUPTED
-    except (TeamError, TeamFileError, ModelError, NoDomainError, NetworkError, InvalidCaseError, DataSetError, BagError) as error:
+    except (
+        TeamError,
+        TeamFileError,
+        ModelError,
+        NoDomainError,
+        NetworkError,
+        InvalidCaseError,
+        DataSetError,
+        BagError,
+    ) as error:
         console.print(f"[bold red]magat:[/] {escape(str(error))}", highlight=False)
         return 1
 
@@ -133,7 +142,10 @@ def _parser() -> argparse.ArgumentParser:
     for joining in (record, replay):
         joining.add_argument("--domain", type=_domain, help="ROS domain of the team (default: the environment's)")
         joining.add_argument(
-            "--server", default="", metavar="HOST", help="of the team's discovery server, in that domain (default: none)"
+            "--server",
+            default="",
+            metavar="HOST",
+            help="of the team's discovery server, in that domain (default: none)",
         )
 
     evaluate = commands.add_parser("evaluate", help="score a policy on many cases, in one process")

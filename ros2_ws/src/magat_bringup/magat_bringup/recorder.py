@@ -9,12 +9,13 @@ from pathlib import Path
 
 import rclpy
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message
 from std_msgs.msg import Empty
 
 from magat_bringup.bag import BagWriter, continuation
 from magat_bringup.topics import READY, described, team_topics
-from magat_interfaces.msg import Observation
-from magat_node import cdr, qos
+from magat_interfaces.msg import Observation, RobotStatus
+from magat_node import qos
 from magat_node.parameters import declare_choice, declare_value
 from magat_node.run import run_node
 
@@ -44,8 +45,7 @@ class RecorderNode(Node):
             raise ValueError("name a folder and the robots: -p bag:=FOLDER -p robots:=[alice, bob]")
         self.bag = BagWriter(continuation(Path(folder)))
         self.ready = False
-        self._hellos: dict[int, int] = {}
-        self._robots = len(robots)
+        self._unheard = set(robots)
         # The messages are taken in batches: that needs half the CPU time of a callback a message, and the middleware
         # tells when each was received. An executor would call back, so none gets to know the node that listens.
         self._ears = rclpy.create_node(
@@ -64,7 +64,7 @@ class RecorderNode(Node):
             self.bag.add_topic(described(topic, subscription.topic_name))
             self._subscriptions_of[subscription.topic_name] = (topic.kind, subscription.handle)
         self._quiet = {name for name, (kind, _) in self._subscriptions_of.items() if kind is Observation}
-        self._feature = self._ears.resolve_topic_name("feature")
+        self._status = self._ears.resolve_topic_name("robot_status")
         self._send_ready = self.create_publisher(Empty, READY, qos.latched(1))
         self.create_timer(PERIOD, self.take)
         self.create_timer(FLUSH, self.bag.flush)
@@ -82,16 +82,14 @@ class RecorderNode(Node):
         return self.bag.messages - before
 
     def _notice(self, name: str, data: bytes) -> None:
-        """Ready is the recorder when it hears the simulator speak to each robot, and each robot: the hellos of both."""
+        """Ready is the recorder when it has heard the simulator speak to each robot, and each robot of itself."""
         self._quiet.discard(name)
-        if name == self._feature:
-            hello = cdr.unpack_feature(data)
-            if hello is not None and hello.tick == Observation.HELLO:
-                self._hellos[hello.tag] = int.from_bytes(hello.payload, "little")
-        if not self._quiet and sum(self._hellos.values()) >= self._robots:
+        if name == self._status:
+            self._unheard -= set(deserialize_message(data, RobotStatus).robots)
+        if not self._quiet and not self._unheard:
             self.ready = True
             self._send_ready.publish(Empty())
-            self.get_logger().info(f"hears all {self._robots} robots and the simulator, and misses nothing from now on")
+            self.get_logger().info("hears all robots and the simulator, and misses nothing from now on")
 
     def destroy_node(self) -> None:
         """Write what is still coming, and close the bag."""

@@ -141,7 +141,7 @@ class TeamPlan:
 
     @property
     def nodes(self) -> int:
-        """Processes with a ROS node, wherever they are: robots, simulator, expert, view, recorder, and who asks for episodes."""
+        """Processes with a ROS node, wherever they are: those that are started, and who asks for episodes."""
         return self.team.processes + 3 + self.view + (self.record is not None)
 
     @property

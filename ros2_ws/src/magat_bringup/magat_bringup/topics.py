@@ -36,13 +36,12 @@ class TeamTopic:
 
 def shown_topics() -> list[TeamTopic]:
     """What people and tools watch."""
-    shown = [
-        TeamTopic("world", World, qos.reliable(SHARED_DEPTH)),
-        TeamTopic("robot_status", RobotStatus, qos.reliable(SHARED_DEPTH)),
+    return [
         TeamTopic("/rosout", Log, qos.latched(SHARED_DEPTH)),
         *view_topics(),
+        TeamTopic("world", World, qos.reliable(SHARED_DEPTH)),
+        TeamTopic("robot_status", RobotStatus, qos.reliable(SHARED_DEPTH)),
     ]
-    return shown
 
 
 def view_topics() -> list[TeamTopic]:
@@ -58,14 +57,15 @@ def view_topics() -> list[TeamTopic]:
 def team_topics(robots: list[str], relayed: bool) -> list[TeamTopic]:
     """All topics of the team of ``robots``.
 
-    The order is the one to subscribe in: whoever is heard on a topic knows of all subscriptions before.
+    The order is the one to subscribe in: whoever is heard on a topic knows of all subscriptions before. Robots are
+    heard on robot_status, the simulator on the observations.
     """
     heard = [TeamTopic(f"{robot}/heard", FeatureBundle, qos.newest(OWN_DEPTH)) for robot in robots if relayed]
     return [
-        *shown_topics(),
         *heard,
         TeamTopic("preference", Preference, qos.newest(SHARED_DEPTH)),
         TeamTopic("feature", Feature, qos.newest(SHARED_DEPTH)),
+        *shown_topics(),
         *(TeamTopic(f"{robot}/observation", Observation, qos.newest(OWN_DEPTH)) for robot in robots),
     ]
 

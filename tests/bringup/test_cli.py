@@ -37,6 +37,24 @@ def test_a_temperature_can_be_tried(capfd, policy_folder):
     assert alphas[1] < alphas[0], "at T = 50 robots walk at random"
 
 
+def test_a_team_is_scored_in_another_encoding_and_with_links_lost(capfd, policy_folder):
+    def report(*options: str) -> dict:
+        crowded = ["--robots", "30", "--width", "16", "--height", "16"]
+        assert main(["evaluate", "--cases", "6", "--json", *crowded, *options]) == 0
+        found = json.loads(capfd.readouterr().out)
+        return found | {"seconds": 0}
+
+    plain = report()
+    assert (plain["encoding"], plain["link_loss"]) == ("float32", 0.0)
+    # float16 holds every number of a message.
+    assert report("--encoding", "float16") == plain | {"encoding": "float16"}
+    names = ("delta_ft", "delta_ft_strict", "moves_blocked")
+    for options in (["--encoding", "int8"], ["--link-loss", "0.5"]):
+        other = report(*options)
+        assert [other[name] for name in names] != [plain[name] for name in names]
+    assert (other["encoding"], other["link_loss"]) == ("float32", 0.5)
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -60,6 +78,9 @@ def test_what_cannot_be_done_is_said_in_a_sentence(capfd, arguments, said):
 
 
 def test_numbers_that_are_none_are_refused():
+    for bad in ("-0.1", "1.5", "nan", "x"):
+        with pytest.raises(SystemExit):
+            main(["evaluate", "--link-loss", bad])
     for bad in ("0", "-1", "x"):
         with pytest.raises(SystemExit):
             main(["evaluate", "--cases", bad])

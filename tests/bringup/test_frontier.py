@@ -12,7 +12,7 @@ from PIL import Image
 from rich.console import Console
 
 from magat_bringup import cli, frontier, models
-from magat_bringup.evaluation import evaluate_policy
+from magat_bringup.evaluation import Setting, evaluate_policy
 from magat_robot.policy.config import ModelError
 from magat_robot.policy.store import WEIGHTS, save
 from magat_training.cases import SET_SEED, SPLITS
@@ -52,7 +52,7 @@ def test_each_point_is_an_evaluation_at_its_temperature(policies: dict[str, Path
     for name, points in found.items():
         assert [one["temperature"] for one in points] == [0.5, 3.0], "in order, each once"
         for one in points:
-            alone = evaluate_policy(policies[name], numbers, SET_SEED, one["temperature"], SIZE, QUIET)
+            alone = evaluate_policy(policies[name], numbers, SET_SEED, Setting(one["temperature"]), SIZE, QUIET)
             assert one | {"seconds": 0} == alone | {"seconds": 0}
     assert found["first"][0]["digest"] != found["second"][0]["digest"]
 

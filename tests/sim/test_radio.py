@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from magat_sim.radio import COMMUNICATION_RADIUS, neighbours
+from magat_sim.radio import COMMUNICATION_RADIUS, neighbours, without_lost
 
 
 def brute_force(world: np.ndarray, position: np.ndarray, squared_radius: float) -> list[list[int]]:
@@ -71,3 +71,65 @@ def test_worlds_do_not_hear_each_other_wherever_their_robots_are() -> None:
     world = np.repeat(np.arange(50), 4)
     assert neighbours(world, position).shape == (200, 0)
     assert neighbours(np.repeat(np.arange(50), 4), np.zeros((200, 2), np.int64)).shape == (200, 3)
+
+
+def crowd(seed: int, robots: int = 120, side: int = 30) -> tuple[np.ndarray, np.ndarray]:
+    """Who hears whom in a random team, and the seeds of its robots."""
+    rng = np.random.default_rng(seed)
+    streams = rng.integers(2**64, size=robots, dtype=np.uint64)
+    return neighbours(np.zeros(robots, np.int64), rng.integers(side, size=(robots, 2))), streams
+
+
+def links(heard: np.ndarray) -> set[tuple[int, int]]:
+    return {(receiver, sender) for receiver, row in enumerate(rows(heard)) for sender in row}
+
+
+def test_the_links_that_are_left_are_rows_of_the_same_form() -> None:
+    heard, streams = crowd(0)
+    left = without_lost(heard, streams, 3, 0.6)
+    assert left.shape[1] < heard.shape[1]
+    assert links(left) < links(heard)
+    assert all(row == sorted(row) for row in rows(left))
+    assert links(without_lost(heard, streams, 3, 0.0)) == links(heard)
+    assert without_lost(heard, streams, 3, 1.0).shape == (120, 0)
+
+
+@pytest.mark.parametrize("loss", [0.1, 0.3, 0.5])
+def test_a_share_of_the_links_is_lost_each_by_itself(loss: float) -> None:
+    heard, streams = crowd(1)
+    every = links(heard)
+    ticks = 200
+    lost = np.zeros((ticks, 120, 120), bool)
+    for tick in range(ticks):
+        for link in every - links(without_lost(heard, streams, tick, loss)):
+            lost[tick][link] = True
+    there = np.zeros((120, 120), bool)
+    there[tuple(zip(*every, strict=True))] = True
+    draws = lost[:, there]
+    count = draws.shape[1]
+    assert abs(draws.mean() - loss) < 4 * np.sqrt(loss * (1 - loss) / draws.size)
+    # Neither a link, nor a tick, nor a robot's ears or voice have a share of their own.
+    for shares, of in (
+        (draws.mean(axis=0), ticks),
+        (draws.mean(axis=1), count),
+        (lost.sum(axis=(0, 2)) / (ticks * there.sum(axis=1)), ticks * there.sum(axis=1)),
+        (lost.sum(axis=(0, 1)) / (ticks * there.sum(axis=0)), ticks * there.sum(axis=0)),
+    ):
+        assert (np.abs(shares - loss) < 5 * np.sqrt(loss * (1 - loss) / of)).all()
+    # To hear does not mean to be heard, nor to be heard in the next tick.
+    both = (lost & lost.transpose(0, 2, 1))[:, there].mean()
+    again = (draws[1:] & draws[:-1]).mean()
+    assert (both, again) == pytest.approx((loss**2, loss**2), abs=0.01)
+
+
+def test_a_link_is_lost_whoever_else_is_there() -> None:
+    heard, streams = crowd(2)
+    order = np.random.default_rng(0).permutation(120)
+    number = np.append(np.argsort(order), -1)
+    left = links(without_lost(heard, streams, 5, 0.4))
+    anew = np.sort(number[heard[order]], axis=1)[:, ::-1]  # the same team, numbered anew
+    renumbered = without_lost(anew, streams[order], 5, 0.4)
+    assert {(int(order[i]), int(order[j])) for i, row in enumerate(renumbered) for j in row if j >= 0} == left
+    alone = np.where(heard[:1] == heard[0, 0], heard[:1], -1)
+    some = np.vstack([alone, np.full((119, heard.shape[1]), -1)])
+    assert links(without_lost(some, streams, 5, 0.4)) == left & {(0, int(heard[0, 0]))}

@@ -12,7 +12,7 @@ from magat_sim.episode import episode_streams
 from magat_sim.grid import Primitive
 from magat_sim.measures import Flowtime
 from magat_sim.rollout import run, run_recorded
-from magat_sim.simulator import Observation, Simulator
+from magat_sim.simulator import Observation, Rules, Simulator
 
 IDLE, UP, DOWN, LEFT, RIGHT = Primitive
 
@@ -159,6 +159,12 @@ def test_cases_t_max_and_streams_must_fit_together() -> None:
         Simulator([case], [3, 4], [episode_streams(0, 0, 1)])
     with pytest.raises(ValueError, match="0 cases"):
         Simulator([], [], [])
+
+
+@pytest.mark.parametrize("loss", [-0.1, 1.1, float("nan")])
+def test_a_loss_that_is_no_share_is_refused(loss: float) -> None:
+    with pytest.raises(ValueError, match=f"link loss {loss}"):
+        Rules(loss)
 
 
 def test_stepping_leaves_the_case_as_it_was() -> None:

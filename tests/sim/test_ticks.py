@@ -7,6 +7,7 @@ from magat_sim.case import draw_case
 from magat_sim.episode import episode_streams
 from magat_sim.grid import Primitive
 from magat_sim.radio import neighbours
+from magat_sim.simulator import Rules
 from magat_sim.ticks import Episode, Wish
 
 ROBOTS = 6
@@ -35,6 +36,22 @@ def test_audible_tags_are_those_of_the_neighbours_that_are_present(episode):
             expected = {sights[j].own_tag for j in row if j >= 0 and present[j]}
             assert set(sight.audible_tags) == expected
             assert len(sight.audible_tags) == len(expected)
+
+
+def test_lost_links_are_not_announced_and_are_those_of_the_simulator():
+    case = draw_case(5, 0, 12, 12, ROBOTS)
+    episode, whole = (Episode(case, 50, episode_streams(5, 0, ROBOTS), Rules(loss)) for loss in (0.5, 0.0))
+    fewer = 0
+    for _ in range(10):
+        heard = episode.simulator.observe().heard
+        sights = episode.look(ALL)
+        assert [set(sight.audible_tags) for sight in sights] == [
+            {sights[j].own_tag for j in row if j >= 0} for row in heard
+        ]
+        fewer += sum(len(sight.audible_tags) for sight in whole.look(ALL)) > (heard >= 0).sum()
+        assert episode.advance().links == (heard >= 0).sum()
+        whole.advance()
+    assert fewer > 5
 
 
 def test_tags_are_new_in_every_tick(episode):

@@ -15,6 +15,7 @@ from magat_node import qos
 from magat_robot.policy.store import load, save
 from magat_sim.measures import EpisodeMeasures, expert_flowtime
 from magat_sim.rollout import run
+from magat_sim.simulator import DEFAULT_RULES, Rules
 from magat_training.cases import SPLITS, solved_cases
 from magat_training.evaluate import simulator_for
 
@@ -38,16 +39,16 @@ def batched() -> Callable[..., list[Walk]]:
     """Walks cases, simulated together in one process."""
     made: dict[tuple, list[Walk]] = {}
 
-    def walks(folder: Path, encoding: str = "float32", **size: int) -> list[Walk]:
-        key = (folder, encoding, *size.items())
+    def walks(folder: Path, encoding: str = "float32", rules: Rules = DEFAULT_RULES, **size: int) -> list[Walk]:
+        key = (folder, encoding, rules, *size.items())
         if key not in made:
-            made[key] = walk(folder, encoding, **size)
+            made[key] = walk(folder, encoding, rules, **size)
         return made[key]
 
-    def walk(folder: Path, encoding: str, **size: int) -> list[Walk]:
+    def walk(folder: Path, encoding: str, rules: Rules, **size: int) -> list[Walk]:
         policy = load(folder, encoding=encoding)
         solved = list(solved_cases(CASES, **size))
-        simulator = simulator_for(solved)
+        simulator = simulator_for(solved, rules=rules)
         positions = [simulator.position.copy()]
         weighed: list[list[list[bytes]]] = [[] for _ in solved]
 
@@ -103,6 +104,16 @@ def test_ten_processes_walk_the_paths_of_the_batched_simulator(team, batched, po
 def test_so_do_ten_that_hear_each_other_through_the_simulator(relayed_team, batched, policy_folder, index):
     outcome = relayed_team.run_undisturbed(relayed_team.goal(CASES[index]))
     assert_same(outcome, batched(policy_folder)[index], feature_bytes=548)
+
+
+@pytest.mark.parametrize("radio", ["direct", "relayed"])
+def test_so_do_robots_that_miss_a_third_of_what_is_said(start_team, batched, policy_folder, radio):
+    rules = Rules(link_loss=0.3)
+    walks = batched(policy_folder, rules=rules)
+    assert walks[0].weighed != batched(policy_folder)[0].weighed
+    with start_team(10, radio=radio, crew=5, link_loss=rules.link_loss) as team:
+        for index in range(2):
+            assert_same(team.run_undisturbed(team.goal(CASES[index])), walks[index], feature_bytes=548)
 
 
 @pytest.mark.parametrize(

@@ -42,6 +42,9 @@ def generate_launch_description() -> LaunchDescription:
                 description="robots hear each other, or what the simulator hands on",
             ),
             DeclareLaunchArgument(
+                "link_loss", default_value="0.0", description="share of the radio links that are lost in each tick"
+            ),
+            DeclareLaunchArgument(
                 "encoding",
                 default_value="",
                 choices=["", *ENCODINGS],
@@ -90,6 +93,7 @@ def start(context: LaunchContext) -> list[Node]:
         TeamFile.read(Path(given("team"))),
         find_policy(given("policy")),
         radio=given("radio"),
+        link_loss=float(given("link_loss")),
         encoding=given("encoding"),
         backend=given("backend"),
         params=Path(given("params")) if given("params") else None,

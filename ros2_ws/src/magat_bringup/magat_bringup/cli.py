@@ -70,7 +70,6 @@ def _parser() -> argparse.ArgumentParser:
     robots.add_argument("--team", type=Path, metavar="FILE", help="YAML file that names the robots")
     robots.add_argument("--crew", type=_positive, default=1, metavar="M", help="robots in each process (default: 1)")
     run.add_argument("--radio", choices=["direct", "relayed"], default="direct", help="relayed: by the simulator")
-    run.add_argument("--encoding", choices=sorted(ENCODINGS), default="", help="of messages (default: the policy's)")
     run.add_argument("--backend", choices=BACKENDS, default="torch", help="what computes the policy")
     run.add_argument("--params", type=Path, metavar="FILE", help="ROS parameter file for every process")
     run.add_argument("--view", action="store_true", help="publish map, markers, tf and diagnostics for RViz, Foxglove")
@@ -183,6 +182,11 @@ def _parser() -> argparse.ArgumentParser:
     frontier.add_argument("--cases", type=_positive, default=300, help="of the validation split (default: 300)")
     frontier.add_argument("--output", type=Path, default=Path("runs"), help="folder for frontier.csv and frontier.png")
 
+    for command in (run, evaluate):
+        command.add_argument("--encoding", choices=ENCODINGS, default="", help="of messages (default: the policy's)")
+        command.add_argument(
+            "--link-loss", type=_share, default=0.0, metavar="SHARE", help="of the radio links, lost in each tick"
+        )
     for command in (run, evaluate, measure):
         command.add_argument("--policy", default="MAGAT-F-128", help="name of a policy in models/, or its folder")
     for command in (run, evaluate, frontier, make_data):
@@ -251,7 +255,7 @@ def _run(options: argparse.Namespace, console: Console) -> int:
         robots=options.start_robots,
         **{
             name: getattr(options, name)
-            for name in ("radio", "encoding", "backend", "params", "view", "respawn", "ready_timeout")
+            for name in ("radio", "link_loss", "encoding", "backend", "params", "view", "respawn", "ready_timeout")
         },
         # Path() is what --record alone gives.
         record=options.output / "bag" if options.record == Path() else options.record,
@@ -352,12 +356,14 @@ def _bench_runtime(options: argparse.Namespace, console: Console) -> int:
 
 
 def _evaluate(options: argparse.Namespace, console: Console) -> int:
-    from magat_bringup.evaluation import evaluate_policy, table  # torch takes a second to import
+    from magat_bringup.evaluation import Setting, evaluate_policy, table  # torch takes a second to import
+    from magat_sim.simulator import Rules
 
     size = {name: getattr(options, name) for name in ("width", "height", "robots", "density")}
     numbers = _case_numbers(options.split, options.cases)
     folder = find_policy(options.policy)
-    report = evaluate_policy(folder, numbers, options.seed, options.temperature, size, console)
+    setting = Setting(options.temperature, options.encoding, Rules(options.link_loss))
+    report = evaluate_policy(folder, numbers, options.seed, setting, size, console)
     if options.json:
         print(json.dumps(report))
     else:
@@ -472,6 +478,13 @@ def _factor(text: str) -> float:
     value = float(text)
     if not 0.0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"{text} is no rate above 0")
+    return value
+
+
+def _share(text: str) -> float:
+    value = float(text)
+    if not 0.0 <= value <= 1.0:
+        raise argparse.ArgumentTypeError(f"{text} is no share: give a number from 0 to 1")
     return value
 
 

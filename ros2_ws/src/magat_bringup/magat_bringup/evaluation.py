@@ -3,6 +3,7 @@
 import dataclasses
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from magat_robot.policy.policy import Policy
 from magat_robot.policy.store import load
 from magat_sim.case import InvalidCaseError
 from magat_sim.measures import EpisodeMeasures, summarise
+from magat_sim.simulator import DEFAULT_RULES, Rules
 from magat_training.cases import SolvedCase, solved_cases
 from magat_training.evaluate import evaluate
 
@@ -21,11 +23,35 @@ from magat_training.evaluate import evaluate
 BATCH_ROBOTS = 1000
 
 
+@dataclass(frozen=True)
+class Setting:
+    """How a policy is run, whatever the cases."""
+
+    #: For sampling; the policy's own if None.
+    temperature: float | None = None
+    #: Of messages; the policy's own if empty.
+    encoding: str = ""
+    #: Of the worlds.
+    rules: Rules = DEFAULT_RULES
+
+    def load(self, folder: Path) -> Policy:
+        """The policy in ``folder`` as it is run.
+
+        Raises:
+            ModelError: it cannot be used, or not so.
+        """
+        given = {"temperature": self.temperature, "encoding": self.encoding or None}
+        return load(folder, **{name: value for name, value in given.items() if value is not None})
+
+
+DEFAULT_SETTING = Setting()
+
+
 def evaluate_policy(
     folder: Path,
     numbers: Sequence[int],
     seed: int,
-    temperature: float | None,
+    setting: Setting,
     size: dict[str, Any],
     console: Console,
 ) -> dict[str, Any]:
@@ -35,7 +61,7 @@ def evaluate_policy(
         folder: of the policy.
         numbers: of the cases.
         seed: of cases and random streams.
-        temperature: for sampling; the policy's own if None.
+        setting: how the policy is run.
         size: width, height, robots and density of the cases.
         console: shows the progress.
 
@@ -44,9 +70,9 @@ def evaluate_policy(
 
     Raises:
         InvalidCaseError: no such cases can be drawn, or the expert solves none of them.
-        ModelError: the policy cannot be used, or not at this temperature.
+        ModelError: the policy cannot be used, or not in this setting.
     """
-    policy = load(folder) if temperature is None else load(folder, temperature=temperature)
+    policy = setting.load(folder)
     solving = solved_cases(numbers, seed, **size)
     # Where nobody watches, each bar would leave an empty line.
     hidden = not console.is_interactive
@@ -54,13 +80,15 @@ def evaluate_policy(
     if not solved:
         raise InvalidCaseError(f"the expert solves none of the {len(numbers)} cases: ask for more, or for easier ones")
     started = time.monotonic()
-    episodes = _episodes(policy, solved, seed, console)
+    episodes = _episodes(policy, solved, seed, setting.rules, console)
     elapsed = time.monotonic() - started
     return {
         "policy": policy.config.name,
         "digest": policy.digest,
         "temperature": policy.config.temperature,
+        "encoding": policy.config.encoding,
         "shield": "idle",
+        **dataclasses.asdict(setting.rules),
         **size,
         "seed": seed,
         "first_case": numbers[0],
@@ -70,7 +98,9 @@ def evaluate_policy(
     }
 
 
-def _episodes(policy: Policy, solved: list[SolvedCase], seed: int, console: Console) -> list[EpisodeMeasures]:
+def _episodes(
+    policy: Policy, solved: list[SolvedCase], seed: int, rules: Rules, console: Console
+) -> list[EpisodeMeasures]:
     episodes: list[EpisodeMeasures] = []
     size = max(1, BATCH_ROBOTS // solved[0].case.robots)
     with Progress(console=console, transient=True, disable=not console.is_interactive) as progress:
@@ -78,7 +108,7 @@ def _episodes(policy: Policy, solved: list[SolvedCase], seed: int, console: Cons
             batch = solved[start : start + size]
             task = progress.add_task(f"episodes {start + 1} to {start + len(batch)} of {len(solved)}")
             progress.update(task, total=max(case.t_max for case in batch))
-            episodes += evaluate(policy, batch, seed, lambda _, task=task: progress.advance(task))  # type: ignore[misc]
+            episodes += evaluate(policy, batch, seed, lambda _, task=task: progress.advance(task), rules)  # type: ignore[misc]
             progress.remove_task(task)
     return episodes
 
@@ -91,8 +121,8 @@ def set_name(report: dict[str, Any]) -> str:
 def table(report: dict[str, Any]) -> Table:
     """``report`` for people."""
     title = (
-        f"{report['policy']}, T = {report['temperature']:g}, {report['shield']} shield: {report['cases']} cases of "
-        f"{set_name(report)}"
+        f"{report['policy']}, T = {report['temperature']:g}, {report['encoding']}, {report['link_loss']:.0%} of links "
+        f"lost, {report['shield']} shield: {report['cases']} cases of {set_name(report)}"
     )
     result = Table(title=title, title_justify="left")
     for heading in ("measure", "value", "95 % interval"):

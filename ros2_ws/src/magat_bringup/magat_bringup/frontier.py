@@ -13,7 +13,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from magat_bringup.evaluation import evaluate_policy, set_name
+from magat_bringup.evaluation import Setting, evaluate_policy, set_name
 from magat_bringup.measured import Report
 from magat_bringup.record import INK, robot_colour, tint
 from magat_robot.policy.config import PolicyConfig
@@ -72,7 +72,7 @@ def frontier(
         for name, folder in policies.items():
             for temperature in rising:
                 progress.update(task, description=f"{escape(name)}, T = {temperature:g}")
-                reports[name].append(evaluate_policy(folder, numbers, seed, temperature, size, console))
+                reports[name].append(evaluate_policy(folder, numbers, seed, Setting(temperature), size, console))
                 progress.advance(task)
     return reports
 

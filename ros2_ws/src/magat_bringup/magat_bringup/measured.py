@@ -16,7 +16,7 @@ from rich.markup import escape
 from rich.progress import track
 from rich.table import Table
 
-from magat_bringup.evaluation import evaluate_policy, set_name
+from magat_bringup.evaluation import Setting, evaluate_policy, set_name
 from magat_robot.policy.config import ModelError
 from magat_training.cases import SET_SEED, SPLITS
 
@@ -78,7 +78,7 @@ def measure(
     reports = []
     for which in track(sets, "sets", console=console, transient=True):
         numbers = SPLITS["test"][: which.cases]
-        reports.append(evaluate_policy(folder, numbers, SET_SEED, temperature, which.size, console))
+        reports.append(evaluate_policy(folder, numbers, SET_SEED, Setting(temperature), which.size, console))
         keep(folder, reports[-1])
     return reports
 

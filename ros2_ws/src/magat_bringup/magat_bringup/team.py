@@ -119,6 +119,8 @@ class TeamPlan:
     policy: Path
     #: direct: robots hear each other; relayed: through the simulator.
     radio: str = "direct"
+    #: Share of the radio links that are lost in each tick, 0 to 1.
+    link_loss: float = 0.0
     #: Of messages; that of the policy's configuration if empty.
     encoding: str = ""
     #: What computes the policy, see `magat_robot.policy.deployment`.
@@ -168,6 +170,7 @@ class TeamPlan:
         encoded = ("--encoding", self.encoding) if self.encoding else ()
         carried_by = ("--crew", str(self.team.crew), *(("--respawn",) if self.respawn else ()), *self.team.robots)
         roster = ("-p", f"robots:=[{','.join(self.team.robots)}]")
+        physics = ("-p", f"link_loss:={self.link_loss:f}")
         patience = ("-p", f"ready_timeout:={self.patience:f}")
         server = Command(
             name="discovery",
@@ -192,7 +195,7 @@ class TeamPlan:
                 package="magat_sim",
                 executable="simulator",
                 module="magat_sim.node",
-                ros_arguments=(*shared, *roster, *heard, *patience),
+                ros_arguments=(*shared, *roster, *heard, *physics, *patience),
             ),
             Command(
                 name="expert",

@@ -12,6 +12,12 @@ def declare_seconds(node: Node, name: str, default: float, meaning: str, at_leas
     return _declare(node, name, default, ParameterDescriptor(description=meaning, floating_point_range=[span]))
 
 
+def declare_share(node: Node, name: str, default: float, meaning: str) -> float:
+    """Declare a share, from 0 to 1, and return its value."""
+    span = FloatingPointRange(from_value=0.0, to_value=1.0)
+    return _declare(node, name, default, ParameterDescriptor(description=meaning, floating_point_range=[span]))
+
+
 def declare_count(node: Node, name: str, default: int, meaning: str, at_most: int) -> int:
     """Declare a number from 1 to ``at_most`` and return its value."""
     span = IntegerRange(from_value=1, to_value=at_most)

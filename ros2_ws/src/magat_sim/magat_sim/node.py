@@ -17,11 +17,12 @@ from magat_interfaces.action import RunEpisode
 from magat_interfaces.msg import Feature, FeatureBundle, Observation, Preference, RobotStatus, World
 from magat_interfaces.srv import SolveMapf
 from magat_node import cdr, qos
-from magat_node.parameters import declare_choice, declare_seconds, declare_value
+from magat_node.parameters import declare_choice, declare_seconds, declare_share, declare_value
 from magat_node.run import run_node
 from magat_sim.case import Case, InvalidCaseError, draw_case, make_case
 from magat_sim.episode import episode_streams
 from magat_sim.measures import T_MAX_FACTOR, Flowtime, expert_flowtime
+from magat_sim.simulator import Rules
 from magat_sim.team import Equipment, Team
 from magat_sim.ticks import Episode, Outcome, Wish
 
@@ -81,6 +82,9 @@ class SimulatorNode(Node):
         )
         self._relay_patience = declare_seconds(
             self, "relay_deadline", 0.1, "wait so long in a tick, in all its rounds, for messages to relay"
+        )
+        self._rules = Rules(
+            link_loss=declare_share(self, "link_loss", 0.0, "share of the radio links that are lost in each tick")
         )
         # Who hears the simulator hears everything, where that relays.
         peers = len(names) - 1 if self._radio == "direct" else 0
@@ -245,7 +249,7 @@ class SimulatorNode(Node):
             self._finish(goal.abort, f"the expert gives no makespan ({why}): set t_max, or take another case")
             return
         streams = episode_streams(goal.request.seed, goal.request.number, case.robots)
-        self._episode = Episode(case, t_max, streams)
+        self._episode = Episode(case, t_max, streams, self._rules)
         # A tick takes no longer with many rounds than with one.
         rounds = self._team.equipment.rounds if self._team.equipment is not None else 1
         self._relay_deadline.timer_period_ns = int(1e9 * self._relay_patience / max(rounds, 1))

@@ -11,8 +11,28 @@ from magat_sim.episode import EpisodeStreams
 from magat_sim.field_of_view import RADIUS, Uint8Array, field_of_view, pad
 from magat_sim.grid import DELTAS, BoolArray, IntArray
 from magat_sim.measures import EpisodeMeasures, Flowtime
-from magat_sim.radio import neighbours
+from magat_sim.radio import neighbours, without_lost
 from magat_sim.shield import NOBODY, idle_shield
+
+
+@dataclass(frozen=True)
+class Rules:
+    """What a world does with its robots' wishes and messages.
+
+    Raises:
+        ValueError: a value is out of range.
+    """
+
+    #: Share of the directed radio links that are lost, drawn anew in each tick; 0 to 1.
+    link_loss: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        if not 0.0 <= self.link_loss <= 1.0:  # written so that NaN fails, too
+            raise ValueError(f"the link loss {self.link_loss} is no share: give a number from 0 to 1")
+
+
+DEFAULT_RULES = Rules()
 
 
 @dataclass(frozen=True)
@@ -21,7 +41,7 @@ class Observation:
 
     #: ``[R, 3, 11, 11]`` uint8, see `field_of_view`.
     field_of_view: Uint8Array
-    #: ``[R, M]`` rows of this observation that each robot hears, filled up with -1, see `neighbours`.
+    #: ``[R, M]`` rows of this observation that each robot hears, lost links left out, filled up with -1; see `radio`.
     heard: IntArray
     #: ``[R]`` uint64 seeds of the robots' own streams.
     streams: npt.NDArray[np.uint64]
@@ -46,13 +66,20 @@ class Simulator:
     collide, whatever they want. All robots are numbered through, world by world.
     """
 
-    def __init__(self, cases: Sequence[Case], t_max: Sequence[int], streams: Sequence[EpisodeStreams]) -> None:
+    def __init__(
+        self,
+        cases: Sequence[Case],
+        t_max: Sequence[int],
+        streams: Sequence[EpisodeStreams],
+        rules: Rules = DEFAULT_RULES,
+    ) -> None:
         """Put the robots on their starts.
 
         Args:
             cases: ``[B]``.
             t_max: ``[B]`` steps at most, each at least 0.
             streams: ``[B]`` randomness, see `episode_streams`; its generators are advanced.
+            rules: of all worlds.
 
         Raises:
             ValueError: lengths differ, or streams are for another number of robots.
@@ -64,6 +91,7 @@ class Simulator:
         for case, stream in zip(cases, streams, strict=True):
             if case.robots != len(stream.robots):
                 raise ValueError(f"streams for {len(stream.robots)} robots, but the case has {case.robots}")
+        self.rules = rules
         self.tick = 0
         self.t_max = np.asarray(t_max, dtype=np.int64)
         self.world = np.repeat(np.arange(len(cases)), [case.robots for case in cases])
@@ -115,7 +143,10 @@ class Simulator:
         occupied = (self._occupant != NOBODY).astype(np.uint8).reshape(self._obstacles.shape)
         world, position = self.world[robots], self.position[robots]
         view = field_of_view(self._obstacles, occupied, world, position, self.goal[robots])
-        return Observation(view, neighbours(world, position), self._robot_streams[robots], self.tick)
+        heard, streams = neighbours(world, position), self._robot_streams[robots]
+        if self.rules.link_loss > 0.0:
+            heard = without_lost(heard, streams, self.tick, self.rules.link_loss)
+        return Observation(view, heard, streams, self.tick)
 
     def step(self, wanted: npt.ArrayLike) -> Step:
         """Make one step.

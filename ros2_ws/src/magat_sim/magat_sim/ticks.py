@@ -10,7 +10,7 @@ from magat_sim.episode import EpisodeStreams
 from magat_sim.field_of_view import Uint8Array
 from magat_sim.grid import DELTAS, BoolArray, IntArray
 from magat_sim.relay import Bundle, Relay
-from magat_sim.simulator import Simulator, Step
+from magat_sim.simulator import DEFAULT_RULES, Rules, Simulator, Step
 
 
 @dataclass(frozen=True)
@@ -50,9 +50,15 @@ class Outcome:
 class Episode:
     """Runs a `Simulator` of one world by `look`, `answer` and `advance`; counts what the radio did."""
 
-    def __init__(self, case: Case, t_max: int, streams: EpisodeStreams) -> None:
+    def __init__(
+        self,
+        case: Case,
+        t_max: int,
+        streams: EpisodeStreams,
+        rules: Rules = DEFAULT_RULES,
+    ) -> None:
         """Put the robots on their starts; see `Simulator`."""
-        self.simulator = Simulator([case], [t_max], [streams])
+        self.simulator = Simulator([case], [t_max], [streams], rules)
         self.robots = case.robots
         self.silent = self.features_missing = self.feature_bytes = self.answers = 0
         self._tags = streams.tags

@@ -7,16 +7,21 @@ from magat_sim.episode import episode_streams
 from magat_sim.grid import IntArray
 from magat_sim.measures import EpisodeMeasures
 from magat_sim.rollout import run
-from magat_sim.simulator import Observation, Simulator
+from magat_sim.simulator import DEFAULT_RULES, Observation, Rules, Simulator
 from magat_training.cases import SET_SEED, SolvedCase
 
 
-def simulator_for(solved: Sequence[SolvedCase], seed: int = SET_SEED) -> Simulator:
+def simulator_for(
+    solved: Sequence[SolvedCase],
+    seed: int = SET_SEED,
+    rules: Rules = DEFAULT_RULES,
+) -> Simulator:
     """A simulator with a world for each case; ``seed`` and each case's number name the random streams."""
     return Simulator(
         [s.case for s in solved],
         [s.t_max for s in solved],
         [episode_streams(seed, s.number, s.case.robots) for s in solved],
+        rules,
     )
 
 
@@ -25,6 +30,7 @@ def evaluate(
     solved: Sequence[SolvedCase],
     seed: int = SET_SEED,
     on_step: Callable[[Simulator], None] | None = None,
+    rules: Rules = DEFAULT_RULES,
 ) -> list[EpisodeMeasures]:
     """One episode on each case, all in lockstep.
 
@@ -33,11 +39,12 @@ def evaluate(
         solved: the cases, with the expert's solutions.
         seed: of the episodes' random streams.
         on_step: called after each step, e.g. to show progress.
+        rules: of the worlds.
 
     Returns:
         The measures of each case, in order.
     """
-    simulator = simulator_for(solved, seed)
+    simulator = simulator_for(solved, seed, rules)
     run_policy(policy, simulator, on_step)
     return simulator.measures([s.flowtime for s in solved])
 

@@ -36,6 +36,10 @@ bench-expert: setup ## Time the expert on the scenario sets (ARGS="--large" adds
 frontier: setup ## Success against flowtime over temperatures, into docs/ (ARGS="--policy NAME" chooses one)
 	@$(BIN)/magat frontier --output docs $(ARGS)
 
+.PHONY: results
+results: setup ## Measure what docs/results.md is missing, and write it with its pictures (ARGS="--policy NAME" chooses)
+	@$(BIN)/magat results $(ARGS)
+
 .PHONY: bench-training
 bench-training: setup ## Observations a second in training, and what takes how long
 	@$(BIN)/magat bench-training $(ARGS)

@@ -34,7 +34,8 @@ def point(temperature: float, alpha: float, delta_ft: float, **changes: Any) -> 
     return {
         "temperature": temperature, "alpha": alpha, "alpha_interval": (alpha - 0.1, min(1.0, alpha + 0.02)),
         "delta_ft": delta_ft, "delta_ft_half_width": 0.01, "p_rg": 0.9, "alpha_strict": 0.8, "delta_ft_strict": 0.3,
-        "cases": 300, **SIZE, "seed": 1, "first_case": 21000, "shield": "idle", "digest": "ab" * 32,
+        "cases": 300, "unsolved_by_expert": 0, **SIZE, "seed": 1, "first_case": 21000, "shield": "idle",
+        "encoding": "float32", "link_loss": 0.0, "digest": "ab" * 32,
     } | changes  # fmt: skip
 
 
@@ -117,9 +118,9 @@ def test_the_picture_shows_the_points_and_the_target(tmp_path: Path, monkeypatch
 @pytest.mark.parametrize(
     ("alike", "differ"),
     [
-        ({"_MARKERS": ("o",)}, True),
-        ({"_DASHES": ("-",)}, True),
-        ({"_MARKERS": ("o",), "_DASHES": ("-",)}, False),
+        ({"MARKERS": ("o",)}, True),
+        ({"DASHES": ("-",)}, True),
+        ({"MARKERS": ("o",), "DASHES": ("-",)}, False),
     ],
 )
 def test_lines_differ_without_colour_by_marker_and_by_style(

@@ -14,7 +14,7 @@ from rich.markup import escape
 from magat_bringup import interruption
 from magat_bringup.bag import BagError
 from magat_bringup.environment import Network, NetworkError, NoDomainError
-from magat_bringup.models import find_policy
+from magat_bringup.models import all_policies, find_policy
 from magat_bringup.processes import TeamError
 from magat_bringup.team import TeamFileError
 from magat_robot.policy.config import ENCODINGS, ModelError
@@ -195,6 +195,11 @@ def _parser() -> argparse.ArgumentParser:
         command.add_argument("--height", type=_positive, default=20, help="cells")
         command.add_argument("--density", type=float, default=0.1, help="share of obstacle cells")
         command.add_argument("--seed", type=int, default=SET_SEED, help="of the cases and of every random stream")
+
+    results = commands.add_parser("results", help="measure the studies of docs/results.md, and write it; resumes")
+    results.set_defaults(execute=_results)
+    results.add_argument("--policy", nargs="+", help="names of policies in models/, or folders (default: all there)")
+    results.add_argument("--output", type=Path, default=Path("docs"), help="folder of the page (default: docs)")
 
     train = commands.add_parser("train", help="train a policy by imitation of the expert; run again to resume")
     train.set_defaults(execute=_train)
@@ -394,18 +399,32 @@ def _models(options: argparse.Namespace, _: Console) -> int:
 
 def _frontier(options: argparse.Namespace, console: Console) -> int:
     from magat_bringup.frontier import TEMPERATURES, draw, frontier, table, write_csv
-    from magat_bringup.models import all_policies
 
     size = {name: getattr(options, name) for name in ("width", "height", "robots", "density")}
     numbers = _case_numbers("valid", options.cases)
-    policies = {name: find_policy(name) for name in options.policy} if options.policy else all_policies()
-    reports = frontier(policies, options.temperatures or TEMPERATURES, numbers, options.seed, size, console)
+    reports = frontier(
+        _policies(options.policy), options.temperatures or TEMPERATURES, numbers, options.seed, size, console
+    )
     options.output.mkdir(parents=True, exist_ok=True)
     write_csv(reports, options.output / "frontier.csv")
     draw(reports, options.output / "frontier.png")
     Console().print(table(reports))
     console.print(f"frontier.csv and frontier.png are in {options.output}")
     return 0
+
+
+def _results(options: argparse.Namespace, console: Console) -> int:
+    from magat_bringup.results import STUDIES, results
+
+    policies = _policies(options.policy)
+    page = results([study(policies) for study in STUDIES], options.output, console)
+    console.print(f"{page}, its pictures and files are in {options.output}")
+    return 0
+
+
+def _policies(names: list[str] | None) -> dict[str, Path]:
+    """Folders of the policies ``names``, of all that are there if None."""
+    return {name: find_policy(name) for name in names} if names else all_policies()
 
 
 def _make_data(options: argparse.Namespace, console: Console) -> int:

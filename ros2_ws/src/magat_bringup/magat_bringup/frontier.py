@@ -24,13 +24,34 @@ TEMPERATURES = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0)
 TARGET_ALPHA, TARGET_DELTA_FT = 0.97, 0.08
 
 _COLUMNS = (
-    *("temperature", "alpha", "alpha_low", "alpha_high", "delta_ft", "delta_ft_half_width", "p_rg"),
-    *("alpha_strict", "delta_ft_strict", "cases", "width", "height", "robots", "density", "seed", "first_case"),
+    *(
+        "temperature",
+        "encoding",
+        "link_loss",
+        "alpha",
+        "alpha_low",
+        "alpha_high",
+        "delta_ft",
+        "delta_ft_half_width",
+        "p_rg",
+    ),
+    *(
+        "alpha_strict",
+        "delta_ft_strict",
+        "cases",
+        "unsolved_by_expert",
+        "width",
+        "height",
+        "robots",
+        "density",
+        "seed",
+        "first_case",
+    ),
     *("shield", "digest"),
 )
 # Lines are told apart by these where there is no colour.
-_MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
-_DASHES = ("-", "--", "-.", ":")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+DASHES = ("-", "--", "-.", ":")
 # Where the temperature stands beside its point, in points on paper: elsewhere for each policy.
 _LABELS = ((5.0, 5.0), (5.0, -12.0), (-5.0, 5.0), (-5.0, -12.0))
 
@@ -114,10 +135,10 @@ def draw(reports: Mapping[str, Sequence[Report]], path: Path) -> None:
     figure = Figure(figsize=(8.0, 5.6), facecolor="white", layout="constrained")
     axes = figure.add_subplot()
     every = [point for points in reports.values() for point in points]
-    right = 1.08 * max(TARGET_DELTA_FT, *(point["delta_ft"] + _half_width(point) for point in every))
+    right = 1.08 * max(TARGET_DELTA_FT, *(point["delta_ft"] + half_width(point) for point in every))
     bottom = min(TARGET_ALPHA, *(point["alpha_interval"][0] for point in every))
     margin = 0.06 * (1.0 - bottom)
-    axes.set(xlim=(min(0.0, *(point["delta_ft"] - _half_width(point) for point in every)), right))
+    axes.set(xlim=(min(0.0, *(point["delta_ft"] - half_width(point) for point in every)), right))
     axes.set(ylim=(bottom - margin, 1.0 + margin))
     target = patches.Rectangle(
         (-1.0, TARGET_ALPHA), 1.0 + TARGET_DELTA_FT, 1.0 - TARGET_ALPHA, hatch="//", facecolor=tint(INK, 0.06),
@@ -134,9 +155,9 @@ def draw(reports: Mapping[str, Sequence[Report]], path: Path) -> None:
         above = [max(0.0, high - a) for a, (_, high) in zip(alpha, ends, strict=True)]
         delta_ft = [point["delta_ft"] for point in points]
         axes.errorbar(
-            delta_ft, alpha, xerr=[_half_width(point) for point in points], yerr=[below, above], color=colour,
+            delta_ft, alpha, xerr=[half_width(point) for point in points], yerr=[below, above], color=colour,
             ecolor=tint(colour, 0.45), elinewidth=0.9, capsize=2.0, linewidth=1.4, markersize=6.0,
-            linestyle=_DASHES[number % len(_DASHES)], marker=_MARKERS[number % len(_MARKERS)],
+            linestyle=DASHES[number % len(DASHES)], marker=MARKERS[number % len(MARKERS)],
             label=name.replace("$", r"\$"),
         )  # fmt: skip
         aside = _LABELS[number % len(_LABELS)]
@@ -159,6 +180,6 @@ def _title(reports: Mapping[str, Sequence[Report]]) -> str:
     return f"alpha against delta_FT on {first['cases']} cases of {set_name(first)}, numbers from {first['first_case']}"
 
 
-def _half_width(point: Report) -> float:
+def half_width(point: Report) -> float:
     """Of delta_FT's interval; 0 where one case gives none."""
     return 0.0 if math.isnan(point["delta_ft_half_width"]) else point["delta_ft_half_width"]

@@ -6,6 +6,7 @@ little-endian: each number on a multiple of its size after a header of four byte
 """
 
 import struct
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 from rclpy.serialization import deserialize_message
@@ -44,6 +45,11 @@ class PackedBundle(NamedTuple):
 def pack_feature(episode: int, tick: int, number: int, tag: int, encoding: int, payload: bytes) -> bytes:
     """A serialised `Feature` of round ``number``."""
     return _LITTLE_ENDIAN + _FEATURE.pack(episode, tick, number, tag, encoding, len(payload)) + payload
+
+
+def feature_bytes(payloads: Iterable[int]) -> int:
+    """Bytes of serialised `Feature` messages with payloads of so many bytes."""
+    return sum(4 + _FEATURE.size + payload for payload in payloads)
 
 
 def unpack_feature(data: bytes) -> PackedFeature | None:

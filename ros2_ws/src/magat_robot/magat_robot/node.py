@@ -112,7 +112,7 @@ class RobotNode(LifecycleNode):
         self._last_observed = -math.inf
         self._sending: tuple[int, int, int] | None = None  # episode, tick, round
         sizes = [encoded_bytes(size, config.encoding) for size in config.message_sizes]
-        self._feature_bytes = sum(len(cdr.pack_feature(0, 0, 0, 0, 0, bytes(size))) for size in sizes)
+        self._feature_bytes = cdr.feature_bytes(sizes)
         self._ticks = self._beats = 0
 
         team, depth = self._team, self._depth

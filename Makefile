@@ -40,6 +40,10 @@ frontier: setup ## Success against flowtime over temperatures, into docs/ (ARGS=
 results: setup ## Measure what docs/results.md is missing, and write it with its pictures (ARGS="--policy NAME" chooses)
 	@$(BIN)/magat results $(ARGS)
 
+.PHONY: bench-sim
+bench-sim: setup ## Steps a second of the batched simulator, and what takes how long (ARGS="--policy NAME" chooses)
+	@$(BIN)/magat bench-sim $(ARGS)
+
 .PHONY: bench-training
 bench-training: setup ## Observations a second in training, and what takes how long
 	@$(BIN)/magat bench-training $(ARGS)

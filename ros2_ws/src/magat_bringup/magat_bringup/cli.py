@@ -238,6 +238,12 @@ def _parser() -> argparse.ArgumentParser:
     runtime.add_argument("--record", action="store_true", help="time each team a second time, while it is recorded")
     runtime.add_argument("--ticks", type=_positive, default=100, help="of each team, at least")
 
+    bench_sim = commands.add_parser("bench-sim", help="how fast the batched simulator is, and what takes how long")
+    bench_sim.set_defaults(execute=_bench_sim)
+    bench_sim.add_argument("--policy", default="MAGAT-B-32-P4", help="name of a policy in models/, or its folder")
+    bench_sim.add_argument("--sets", nargs="+", metavar="NAME", help='such as "200x200 (1000)" (default: all)')
+    bench_sim.add_argument("--threads", type=_positive, default=1)
+
     bench_training = commands.add_parser(
         "bench-training", help="observations a second in training, and what takes how long"
     )
@@ -469,6 +475,19 @@ def _case_numbers(split: str, cases: int) -> range:
     if cases > len(numbers):
         raise InvalidCaseError(f"the split {split} has {len(numbers)} cases, not {cases}")
     return numbers[:cases]
+
+
+def _bench_sim(options: argparse.Namespace, console: Console) -> int:
+    from magat_bringup.bench_sim import SETS, bench_sim, table
+
+    known = {which.map_name: which for which in SETS}
+    unknown = [name for name in options.sets or () if name not in known]
+    if unknown:
+        raise InvalidCaseError(f"there is no set {unknown[0]!r}: it is one of {', '.join(known)}")
+    sets = [known[name] for name in options.sets or known]
+    speeds = list(bench_sim(find_policy(options.policy), sets, options.threads, console))
+    Console().print(table(options.policy, speeds))
+    return 0
 
 
 def _bench_training(options: argparse.Namespace, console: Console) -> int:

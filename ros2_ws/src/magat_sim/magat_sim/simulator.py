@@ -94,7 +94,9 @@ class Simulator:
         self.rules = rules
         self.tick = 0
         self.t_max = np.asarray(t_max, dtype=np.int64)
-        self.world = np.repeat(np.arange(len(cases)), [case.robots for case in cases])
+        robots = [case.robots for case in cases]
+        self.world = np.repeat(np.arange(len(cases)), robots)
+        self._end = np.cumsum(robots)
         self.position = np.concatenate([case.starts for case in cases]).copy()
         self.goal = np.concatenate([case.goals for case in cases])
         self._streams = streams
@@ -168,8 +170,8 @@ class Simulator:
         target[robots] = self._cell(destination, self.world[robots])
         draw = np.ones(len(cell))
         for world in np.unique(self.world[robots]):
-            here = self.world == world
-            draw[here] = self._streams[world].shield.random(int(here.sum()))
+            stream = self._streams[world]
+            draw[self._end[world] - len(stream.robots) : self._end[world]] = stream.shield.random(len(stream.robots))
         moves = idle_shield(self._occupant, self._obstacles.reshape(-1), cell, target, draw)
         self._occupant[cell[moves]] = NOBODY
         self._occupant[target[moves]] = np.flatnonzero(moves)

@@ -9,6 +9,7 @@ from magat_robot.policy import payload
 from magat_robot.policy.config import OBSERVATION_SHAPE, PRIMITIVES, PolicyConfig
 from magat_robot.policy.interface import Decision, Encoding
 from magat_robot.policy.network import PolicyNetwork, Thought, deploy
+from magat_robot.policy.recall import Recall
 from magat_robot.policy.sampling import choose, uniform
 
 #: Robots computed in one go: larger batches fall out of the processor's cache.
@@ -23,6 +24,7 @@ class Policy:
         self.config: PolicyConfig = network.config
         self.digest = digest
         self._network = deploy(network)
+        self._recall = Recall(self.encode)
 
     @torch.inference_mode()
     def encode(self, view: npt.NDArray[np.uint8]) -> Encoding:
@@ -85,8 +87,11 @@ class Policy:
     def decide_together(
         self, view: npt.NDArray[np.uint8], heard: npt.NDArray[np.int64], streams: npt.NDArray[np.uint64], tick: int
     ) -> Decision:
-        """R robots at once, the exchange in between: row i hears the rows ``heard[i]`` (``[R, M]``, -1 for none)."""
-        own, rows, present = self.encode(view), np.maximum(heard, 0), heard >= 0
+        """R robots at once, the exchange in between: row i hears the rows ``heard[i]`` (``[R, M]``, -1 for none).
+
+        Views that were there in the call before are not computed again.
+        """
+        own, rows, present = self._recall.encode(view), np.maximum(heard, 0), heard >= 0
         for _ in range(self.rounds):
             own = self.hear(own, payload.carried(own.messages, self.config.encoding)[rows], present)
         return self.decide(own, streams, tick)

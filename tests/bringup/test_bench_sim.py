@@ -10,6 +10,7 @@ from magat_bringup import bench_sim, cli
 from magat_bringup.bench_sim import MOVE, PARTS, SimSet
 from magat_robot.policy.store import save
 from magat_sim import simulator
+from magat_sim.simulator import DEFAULT_RULES
 
 SMALL = SimSet(12, 8, 3, 15)
 QUIET = Console(quiet=True)
@@ -22,7 +23,7 @@ def folder(tmp_path: Path, random_network: Callable) -> Path:
 
 
 def test_steps_of_robots_are_counted_while_their_worlds_run(folder: Path) -> None:
-    (speed,) = bench_sim.bench_sim(folder, [SMALL], 1, QUIET)
+    (speed,) = bench_sim.bench_sim(folder, [SMALL], DEFAULT_RULES, 1, QUIET)
     assert (speed.steps, speed.robot_steps) == (15, 3 * 8 * 15)
     assert speed.seconds > 0
 
@@ -30,21 +31,21 @@ def test_steps_of_robots_are_counted_while_their_worlds_run(folder: Path) -> Non
 def test_the_parts_make_up_the_whole_and_what_is_slow_has_a_large_share(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (speed,) = bench_sim.bench_sim(folder, [SMALL], 1, QUIET)
+    (speed,) = bench_sim.bench_sim(folder, [SMALL], DEFAULT_RULES, 1, QUIET)
     assert list(speed.shares) == [*PARTS, MOVE]
     assert all(share > 0 for share in speed.shares.values())
     assert sum(speed.shares.values()) == pytest.approx(1)
 
-    quick = simulator.idle_shield
+    quick = simulator.SHIELDS["idle"]
 
     def slow(*arguments: object) -> object:
         for _ in range(400):
             quick(*arguments)
         return quick(*arguments)
 
-    monkeypatch.setattr(simulator, "idle_shield", slow)
-    monkeypatch.setitem(PARTS, "shield", slow)
-    (slowed,) = bench_sim.bench_sim(folder, [SMALL], 1, QUIET)
+    monkeypatch.setitem(simulator.SHIELDS, "idle", slow)
+    monkeypatch.setitem(PARTS, "shield", [slow])
+    (slowed,) = bench_sim.bench_sim(folder, [SMALL], DEFAULT_RULES, 1, QUIET)
     assert slowed.shares["shield"] > max(2 * speed.shares["shield"], 0.3)
 
 

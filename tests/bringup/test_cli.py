@@ -53,6 +53,9 @@ def test_a_team_is_scored_in_another_encoding_and_with_links_lost(capfd, policy_
         other = report(*options)
         assert [other[name] for name in names] != [plain[name] for name in names]
     assert (other["encoding"], other["link_loss"]) == ("float32", 0.5)
+    pushed = report("--shield", "pibt")
+    assert (plain["shield"], pushed["shield"]) == ("idle", "pibt")
+    assert pushed["delta_ft"] != plain["delta_ft"]
 
 
 @pytest.mark.parametrize(

@@ -264,7 +264,7 @@ def started(plan: TeamPlan, logs: Path) -> list[tuple[list[str], dict[str, str]]
 @pytest.mark.parametrize("crew", [1, 2])
 def test_magat_run_and_the_launch_file_start_the_same(team_file, params, tmp_path, crew):
     path = team_file(f"robots: [alice, bob, carol]\ncrew: {crew}")
-    chosen = {"radio": "relayed", "link_loss": "0.25", "encoding": "float16", "backend": "onnx"}
+    chosen = {"radio": "relayed", "link_loss": "0.25", "shield": "pibt", "encoding": "float16", "backend": "onnx"}
     chosen["record"] = str(tmp_path / "bag")
     by_launch = launched(team=str(path), policy=POLICY, params=str(params), view="true", **chosen)
 
@@ -358,13 +358,21 @@ def test_every_node_takes_an_ordinary_parameter_file(params, tmp_path):
     wanted = {
         "/alice/robot": {"feature_deadline": 0.125},
         "/bob/robot": {"feature_deadline": 0.5},
-        "/simulator": {"tick_deadline": 0.75, "relay_deadline": 0.04, "robots": ["alice", "bob"], "link_loss": 0.25},
+        "/simulator": {
+            "tick_deadline": 0.75,
+            "relay_deadline": 0.04,
+            "robots": ["alice", "bob"],
+            "link_loss": 0.25,
+            "shield": "pibt",
+        },
         "/expert": {"searches": 2},
         "/view": {"cell_size": 0.25, "team_size": 2},
     }
     with own_domain() as domain, mock.patch.dict(os.environ, loopback(domain)):
         policy = find_policy(POLICY)
-        plan = TeamPlan(TeamFile(("alice", "bob")), policy, link_loss=0.25, backend="echo", params=params, view=True)
+        plan = TeamPlan(
+            TeamFile(("alice", "bob")), policy, link_loss=0.25, shield="pibt", backend="echo", params=params, view=True
+        )
         context = Context()
         rclpy.init(context=context, domain_id=domain)
         node = rclpy.create_node("asking", context=context)

@@ -15,7 +15,7 @@ from magat_node import qos
 from magat_robot.policy.store import load, save
 from magat_sim.measures import EpisodeMeasures, expert_flowtime
 from magat_sim.rollout import run
-from magat_sim.simulator import DEFAULT_RULES, Rules
+from magat_sim.simulator import DEFAULT_RULES, Rules, Wishes
 from magat_training.cases import SPLITS, solved_cases
 from magat_training.evaluate import simulator_for
 
@@ -57,7 +57,7 @@ def batched() -> Callable[..., list[Walk]]:
             world = simulator.world[simulator.active]
             for number in np.unique(world):
                 weighed[number].append(sorted(row.tobytes() for row in decision.log_probabilities[world == number]))
-            return decision.primitives
+            return Wishes(decision.primitives, decision.log_probabilities)
 
         run(simulator, decide, lambda after: positions.append(after.position.copy()))
         measures = simulator.measures([expert_flowtime(s.paths, s.case.goals) for s in solved])
@@ -114,6 +114,17 @@ def test_so_do_robots_that_miss_a_third_of_what_is_said(start_team, batched, pol
     with start_team(10, radio=radio, crew=5, link_loss=rules.link_loss) as team:
         for index in range(2):
             assert_same(team.run_undisturbed(team.goal(CASES[index])), walks[index], feature_bytes=548)
+
+
+def test_so_do_robots_that_push_each_other_aside(start_team, batched, policy_folder):
+    size = {"width": 14, "height": 14}
+    rules = Rules(shield="pibt")
+    walks = batched(policy_folder, rules=rules, robots=20, **size)
+    others = batched(policy_folder, robots=20, **size)
+    assert any(walk.paths.tolist() != other.paths.tolist() for walk, other in zip(walks[:2], others[:2], strict=True))
+    with start_team(20, crew=10, shield=rules.shield) as team:
+        for index in range(2):
+            assert_same(team.run_undisturbed(team.goal(CASES[index], **size)), walks[index], feature_bytes=548)
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from magat_bringup.team import ENVIRONMENT, Command, TeamFile, TeamPlan
 from magat_robot.policy.config import ENCODINGS
 from magat_robot.policy.deployment import BACKENDS
 from magat_robot.processes import RESTARTS
+from magat_sim.shield import SHIELDS
 
 CONFIG = Path(get_package_share_directory("magat_bringup")) / "config"
 SWITCH = ["true", "false"]
@@ -43,6 +44,9 @@ def generate_launch_description() -> LaunchDescription:
             ),
             DeclareLaunchArgument(
                 "link_loss", default_value="0.0", description="share of the radio links that are lost in each tick"
+            ),
+            DeclareLaunchArgument(
+                "shield", default_value="idle", choices=list(SHIELDS), description="what keeps robots from colliding"
             ),
             DeclareLaunchArgument(
                 "encoding",
@@ -94,6 +98,7 @@ def start(context: LaunchContext) -> list[Node]:
         find_policy(given("policy")),
         radio=given("radio"),
         link_loss=float(given("link_loss")),
+        shield=given("shield"),
         encoding=given("encoding"),
         backend=given("backend"),
         params=Path(given("params")) if given("params") else None,

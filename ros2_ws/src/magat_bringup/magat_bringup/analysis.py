@@ -19,6 +19,7 @@ from scipy.sparse.csgraph import connected_components
 
 from magat_bringup.bag import BagError, BagMessage, read_bag
 from magat_bringup.recording import Recording
+from magat_sim.shield import blocked
 
 #: A robot that has not left two cells for so many instants, its goal being elsewhere, is stuck.
 PATIENCE = 8
@@ -166,7 +167,7 @@ class TeamRecording:
         step); ``slowest`` (the robot that answered last, NaN if none did); ``seconds`` (wall time); ``links``
         (directed, of the radio).
         """
-        robots = self.robots.assign(blocked=self.robots.wanted != self.robots.moved)
+        robots = self.robots.assign(blocked=blocked(self.robots.wanted, self.robots.moved))
         by_tick = robots.groupby(["episode", "tick"])
         table = by_tick[["blocked", "silent", "visited"]].sum()
         answered = robots[robots.latency.notna()]

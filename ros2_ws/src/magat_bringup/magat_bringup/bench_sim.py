@@ -20,18 +20,18 @@ from magat_sim.case import draw_case
 from magat_sim.episode import episode_streams
 from magat_sim.field_of_view import field_of_view
 from magat_sim.radio import neighbours
-from magat_sim.shield import idle_shield
-from magat_sim.simulator import Simulator
+from magat_sim.shield import SHIELDS
+from magat_sim.simulator import Rules, Simulator
 from magat_training.cases import SET_SEED
 from magat_training.evaluate import run_policy
 
 #: The parts of a step, by what computes each; what is left of a step goes to the last one.
-PARTS: dict[str, Callable[..., Any]] = {
-    "observation": field_of_view,
-    "radio graph": neighbours,
-    "CNN": PolicyNetwork.look,
-    "rest of the policy": Policy.decide_together,
-    "shield": idle_shield,
+PARTS: dict[str, Sequence[Callable[..., Any]]] = {
+    "observation": [field_of_view],
+    "radio graph": [neighbours],
+    "CNN": [PolicyNetwork.look],
+    "rest of the policy": [Policy.decide_together],
+    "shield": list(SHIELDS.values()),
 }
 MOVE = "move"
 
@@ -55,13 +55,14 @@ class SimSet:
         """Of all of them."""
         return f"{self.worlds} of {self.map_name}"
 
-    def simulator(self) -> Simulator:
+    def simulator(self, rules: Rules) -> Simulator:
         """All worlds at their start."""
         numbers = range(self.worlds)
         return Simulator(
             [draw_case(SET_SEED, number, self.side, self.side, self.robots, 0.1) for number in numbers],
             [self.steps] * self.worlds,
             [episode_streams(SET_SEED, number, self.robots) for number in numbers],
+            rules,
         )
 
 
@@ -89,12 +90,13 @@ class SimSpeed:
     shares: dict[str, float]
 
 
-def bench_sim(folder: Path, sets: Sequence[SimSet], threads: int, console: Console) -> Iterator[SimSpeed]:
+def bench_sim(folder: Path, sets: Sequence[SimSet], rules: Rules, threads: int, console: Console) -> Iterator[SimSpeed]:
     """Run each set once, every robot carrying the policy in ``folder``.
 
     Args:
         folder: of the policy.
         sets: one after the other.
+        rules: of all worlds.
         threads: for torch.
         console: shows the progress.
 
@@ -106,7 +108,7 @@ def bench_sim(folder: Path, sets: Sequence[SimSet], threads: int, console: Conso
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as progress:
         for which in sets:
-            simulator = which.simulator()
+            simulator = which.simulator(rules)
             task = progress.add_task(which.name, total=which.steps)
             counted = len(simulator.active)
 
@@ -132,7 +134,7 @@ def _shares(profile: cProfile.Profile) -> dict[str, float]:
         entry = stats.stats.get((code.co_filename, code.co_firstlineno, code.co_name))  # type: ignore[attr-defined]
         return 0.0 if entry is None else float(entry[3])
 
-    seconds = {name: spent(function) for name, function in PARTS.items()}
+    seconds = {name: sum(map(spent, functions)) for name, functions in PARTS.items()}
     seconds["rest of the policy"] -= seconds["CNN"]
     seconds[MOVE] = (
         spent(Simulator.observe)

@@ -20,6 +20,7 @@ from magat_bringup.team import TeamFileError
 from magat_robot.policy.config import ENCODINGS, ModelError
 from magat_robot.policy.deployment import BACKENDS
 from magat_sim.case import InvalidCaseError
+from magat_sim.shield import SHIELDS
 from magat_training.cases import SET_SEED, SPLITS
 from magat_training.data import DataSetError
 
@@ -187,6 +188,7 @@ def _parser() -> argparse.ArgumentParser:
         command.add_argument(
             "--link-loss", type=_share, default=0.0, metavar="SHARE", help="of the radio links, lost in each tick"
         )
+        command.add_argument("--shield", choices=SHIELDS, default="idle", help="what keeps robots from colliding")
     for command in (run, evaluate, measure):
         command.add_argument("--policy", default="MAGAT-F-128", help="name of a policy in models/, or its folder")
     for command in (run, evaluate, frontier, make_data):
@@ -242,6 +244,7 @@ def _parser() -> argparse.ArgumentParser:
     bench_sim.set_defaults(execute=_bench_sim)
     bench_sim.add_argument("--policy", default="MAGAT-B-32-P4", help="name of a policy in models/, or its folder")
     bench_sim.add_argument("--sets", nargs="+", metavar="NAME", help='such as "200x200 (1000)" (default: all)')
+    bench_sim.add_argument("--shield", choices=SHIELDS, default="idle", help="what keeps robots from colliding")
     bench_sim.add_argument("--threads", type=_positive, default=1)
 
     bench_training = commands.add_parser(
@@ -266,7 +269,17 @@ def _run(options: argparse.Namespace, console: Console) -> int:
         robots=options.start_robots,
         **{
             name: getattr(options, name)
-            for name in ("radio", "link_loss", "encoding", "backend", "params", "view", "respawn", "ready_timeout")
+            for name in (
+                "radio",
+                "link_loss",
+                "shield",
+                "encoding",
+                "backend",
+                "params",
+                "view",
+                "respawn",
+                "ready_timeout",
+            )
         },
         # Path() is what --record alone gives.
         record=options.output / "bag" if options.record == Path() else options.record,
@@ -373,7 +386,7 @@ def _evaluate(options: argparse.Namespace, console: Console) -> int:
     size = {name: getattr(options, name) for name in ("width", "height", "robots", "density")}
     numbers = _case_numbers(options.split, options.cases)
     folder = find_policy(options.policy)
-    setting = Setting(options.temperature, options.encoding, Rules(options.link_loss))
+    setting = Setting(options.temperature, options.encoding, Rules(options.link_loss, options.shield))
     report = evaluate_policy(folder, numbers, options.seed, setting, size, console)
     if options.json:
         print(json.dumps(report))
@@ -479,13 +492,15 @@ def _case_numbers(split: str, cases: int) -> range:
 
 def _bench_sim(options: argparse.Namespace, console: Console) -> int:
     from magat_bringup.bench_sim import SETS, bench_sim, table
+    from magat_sim.simulator import Rules
 
     known = {which.map_name: which for which in SETS}
     unknown = [name for name in options.sets or () if name not in known]
     if unknown:
         raise InvalidCaseError(f"there is no set {unknown[0]!r}: it is one of {', '.join(known)}")
     sets = [known[name] for name in options.sets or known]
-    speeds = list(bench_sim(find_policy(options.policy), sets, options.threads, console))
+    rules = Rules(shield=options.shield)
+    speeds = list(bench_sim(find_policy(options.policy), sets, rules, options.threads, console))
     Console().print(table(options.policy, speeds))
     return 0
 

@@ -87,7 +87,6 @@ def evaluate_policy(
         "digest": policy.digest,
         "temperature": policy.config.temperature,
         "encoding": policy.config.encoding,
-        "shield": "idle",
         **dataclasses.asdict(setting.rules),
         **size,
         "seed": seed,

@@ -54,7 +54,7 @@ class EpisodeRecord:
     goals: IntArray
     #: ``[T + 1, N, 2]`` int64 cells ``(x, y)``, at the start and after each step.
     positions: IntArray
-    #: ``[T, N]`` bool, moves that the shield turned into idle.
+    #: ``[T, N]`` bool, moves that robots drew and the shield did not let them make.
     blocked: BoolArray
     #: A line over the drawing.
     title: str

@@ -7,6 +7,7 @@ import numpy as np
 
 from magat_sim.grid import BoolArray, IntArray
 from magat_sim.measures import EpisodeMeasures, Flowtime, walk_measures
+from magat_sim.shield import blocked
 
 
 @dataclass
@@ -70,8 +71,8 @@ class Recording:
 
     @property
     def blocked(self) -> BoolArray:
-        """``[T, N]`` bool, moves that the shield turned into IDLE."""
-        return self.wanted != self.moved
+        """``[T, N]`` bool, moves that robots drew and the shield did not let them make."""
+        return blocked(self.wanted, self.moved)
 
     def _steps(self, rows: list[Any]) -> Any:
         return np.array(rows).reshape(-1, len(self.goals))

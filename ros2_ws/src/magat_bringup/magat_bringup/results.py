@@ -61,7 +61,7 @@ class Point:
             "temperature": config.temperature if temperature is None else temperature,
             "encoding": encoding or config.encoding,
             "link_loss": self.setting.rules.link_loss,
-            "shield": "idle",
+            "shield": self.setting.rules.shield,
             **self.cases.size,
             "seed": SET_SEED,
             "first_case": SPLITS["test"].start,

@@ -106,8 +106,8 @@ def run(plan: RunPlan, team: TeamPlan, console: Console) -> list[RunEpisode.Resu
     results = [outcome.result for outcome in outcomes]
     console.print(_table(plan, robots, results))
     console.print(
-        "[dim]B/tick: bytes of the feature message that a robot sends in a tick; blocked: moves that the shield turned "
-        "into IDLE; missing: features that did not arrive in time[/]"
+        "[dim]B/tick: bytes of the feature message that a robot sends in a tick; blocked: moves drawn that the "
+        "shield did not let pass; missing: features that did not arrive in time[/]"
     )
     _write(plan, team, outcomes, console)
     if team.record is not None:

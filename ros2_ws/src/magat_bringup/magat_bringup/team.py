@@ -121,6 +121,8 @@ class TeamPlan:
     radio: str = "direct"
     #: Share of the radio links that are lost in each tick, 0 to 1.
     link_loss: float = 0.0
+    #: What keeps robots from colliding: idle or pibt.
+    shield: str = "idle"
     #: Of messages; that of the policy's configuration if empty.
     encoding: str = ""
     #: What computes the policy, see `magat_robot.policy.deployment`.
@@ -170,7 +172,7 @@ class TeamPlan:
         encoded = ("--encoding", self.encoding) if self.encoding else ()
         carried_by = ("--crew", str(self.team.crew), *(("--respawn",) if self.respawn else ()), *self.team.robots)
         roster = ("-p", f"robots:=[{','.join(self.team.robots)}]")
-        physics = ("-p", f"link_loss:={self.link_loss:f}")
+        physics = ("-p", f"link_loss:={self.link_loss:f}", "-p", f"shield:={self.shield}")
         patience = ("-p", f"ready_timeout:={self.patience:f}")
         server = Command(
             name="discovery",

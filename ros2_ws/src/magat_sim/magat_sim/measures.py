@@ -64,7 +64,7 @@ def walk_measures(
     Args:
         on_goal: ``[T + 1, N]`` who stood on its goal, at the start and after each step.
         t_max: steps that the episode could take.
-        moves_blocked: moves that the shield turned into IDLE.
+        moves_blocked: moves that robots drew and the shield did not let them make.
         expert_flowtime: FT*; None without an expert's solution.
     """
     visited, there = on_goal.any(axis=0), on_goal[-1]

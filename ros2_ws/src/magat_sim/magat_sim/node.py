@@ -22,6 +22,7 @@ from magat_node.run import run_node
 from magat_sim.case import Case, InvalidCaseError, draw_case, make_case
 from magat_sim.episode import episode_streams
 from magat_sim.measures import T_MAX_FACTOR, Flowtime, expert_flowtime
+from magat_sim.shield import SHIELDS
 from magat_sim.simulator import Rules
 from magat_sim.team import Equipment, Team
 from magat_sim.ticks import Episode, Outcome, Wish
@@ -84,7 +85,8 @@ class SimulatorNode(Node):
             self, "relay_deadline", 0.1, "wait so long in a tick, in all its rounds, for messages to relay"
         )
         self._rules = Rules(
-            link_loss=declare_share(self, "link_loss", 0.0, "share of the radio links that are lost in each tick")
+            link_loss=declare_share(self, "link_loss", 0.0, "share of the radio links that are lost in each tick"),
+            shield=declare_choice(self, "shield", "idle", list(SHIELDS), "what keeps robots from colliding"),
         )
         # Who hears the simulator hears everything, where that relays.
         peers = len(names) - 1 if self._radio == "direct" else 0
@@ -322,7 +324,9 @@ class SimulatorNode(Node):
         episode = self._episode
         if episode is None or message.episode != self._episode_id or message.tick != episode.simulator.tick:
             return  # late: its tick ended without it, which was counted then
-        why = episode.answer(message.tag, Wish(message.primitive, message.heard, message.feature_bytes))
+        why = episode.answer(
+            message.tag, Wish(message.primitive, message.heard, message.feature_bytes, message.log_probabilities)
+        )
         if why is not None:
             self.get_logger().warning(f"dropped {why}", throttle_duration_sec=5.0)
         elif all(there or not m.joined for there, m in zip(episode.answered, self._team.members, strict=True)):

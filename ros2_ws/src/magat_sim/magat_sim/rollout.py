@@ -6,10 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from magat_sim.grid import IntArray
-from magat_sim.simulator import Observation, Simulator
+from magat_sim.simulator import Observation, Simulator, Wishes
 
-#: ``[R]`` primitives for an observation of R robots.
-Decide = Callable[[Observation], npt.ArrayLike]
+#: What R robots want to do, or just the primitives they drew (``[R]``), for an observation of them.
+Decide = Callable[[Observation], npt.ArrayLike | Wishes]
 
 
 def run(simulator: Simulator, decide: Decide, on_step: Callable[[Simulator], None] | None = None) -> None:

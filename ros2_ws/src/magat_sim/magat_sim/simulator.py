@@ -9,10 +9,10 @@ import numpy.typing as npt
 from magat_sim.case import Case
 from magat_sim.episode import EpisodeStreams
 from magat_sim.field_of_view import RADIUS, Uint8Array, field_of_view, pad
-from magat_sim.grid import DELTAS, BoolArray, IntArray
+from magat_sim.grid import DELTAS, BoolArray, IntArray, Primitive
 from magat_sim.measures import EpisodeMeasures, Flowtime
 from magat_sim.radio import neighbours, without_lost
-from magat_sim.shield import NOBODY, idle_shield
+from magat_sim.shield import NOBODY, SHIELDS, Scene, blocked
 
 
 @dataclass(frozen=True)
@@ -25,11 +25,15 @@ class Rules:
 
     #: Share of the directed radio links that are lost, drawn anew in each tick; 0 to 1.
     link_loss: float = 0.0
+    #: What keeps robots from colliding, one of `SHIELDS`.
+    shield: str = "idle"
 
     def __post_init__(self) -> None:
         """Check the values."""
         if not 0.0 <= self.link_loss <= 1.0:  # written so that NaN fails, too
             raise ValueError(f"the link loss {self.link_loss} is no share: give a number from 0 to 1")
+        if self.shield not in SHIELDS:
+            raise ValueError(f"there is no shield {self.shield!r}: it is one of {', '.join(SHIELDS)}")
 
 
 DEFAULT_RULES = Rules()
@@ -50,12 +54,24 @@ class Observation:
 
 
 @dataclass(frozen=True)
+class Wishes:
+    """What R robots want to do."""
+
+    #: ``[R]`` the primitive each robot drew, 0 to 4.
+    primitives: npt.ArrayLike
+    #: ``[R, 5]`` how much each likes the primitives, for the shield ``pibt``; all alike if None.
+    log_probabilities: npt.ArrayLike | None = None
+    #: ``[R]`` bool, who said nothing, and stays where it is; nobody if None.
+    silent: npt.ArrayLike | None = None
+
+
+@dataclass(frozen=True)
 class Step:
     """What the shield made of R robots' wishes."""
 
     #: ``[R]`` the primitive each robot made.
     moved: IntArray
-    #: ``[R]`` bool, a move that was turned into IDLE.
+    #: ``[R]`` bool, who drew a move and did not make it.
     blocked: BoolArray
 
 
@@ -114,6 +130,7 @@ class Simulator:
         on_goal = self.on_goal
         self._first_visit = np.where(on_goal, 0, -1)
         self._arrival = np.where(on_goal, 0, -1)  # since when on the goal; -1 while away
+        self._last_visit = np.zeros(len(on_goal), dtype=np.int64)  # the start, before any
         self._blocked = np.zeros(len(cases), dtype=np.int64)
         self._ticks = np.zeros(len(cases), dtype=np.int64)
         self._strict = self._all_in_world(on_goal)
@@ -150,38 +167,63 @@ class Simulator:
             heard = without_lost(heard, streams, self.tick, self.rules.link_loss)
         return Observation(view, heard, streams, self.tick)
 
-    def step(self, wanted: npt.ArrayLike) -> Step:
+    def step(self, wanted: npt.ArrayLike | Wishes) -> Step:
         """Make one step.
 
         Args:
-            wanted: ``[R]`` the primitive each active robot wants to make, 0 to 4.
+            wanted: of the ``[R]`` active robots, or just the primitives they drew.
 
         Raises:
             ValueError: wrong shape, or no primitive.
         """
-        wanted = np.asarray(wanted, dtype=np.int64)
         robots = self._active
-        if wanted.shape != robots.shape or (wanted < 0).any() or (wanted >= len(DELTAS)).any():
+        scene = self._scene(wanted if isinstance(wanted, Wishes) else Wishes(wanted))
+        moved = SHIELDS[self.rules.shield](scene)
+        moves = moved != Primitive.IDLE
+        self._occupant[scene.place[moves]] = NOBODY
+        self._occupant[scene.leads[moves, moved[moves]]] = robots[moves]
+        self.position[robots] += DELTAS[moved]
+
+        stopped = blocked(scene.wanted, moved)
+        np.add.at(self._blocked, self.world[robots[stopped]], 1)
+        self._account(robots)
+        return Step(moved, stopped)
+
+    def _scene(self, wishes: Wishes) -> Scene:
+        robots, count = self._active, len(DELTAS)
+        wanted = np.asarray(wishes.primitives, dtype=np.int64)
+        if wanted.shape != robots.shape or (wanted < 0).any() or (wanted >= count).any():
             raise ValueError(f"wanted has shape {wanted.shape}, values {set(wanted.ravel().tolist())}: "
-                             f"give {robots.shape} primitives from 0 to {len(DELTAS) - 1}")  # fmt: skip
-        cell = self._cell(self.position)
-        target = cell.copy()
-        destination = self.position[robots] + DELTAS[wanted]
-        target[robots] = self._cell(destination, self.world[robots])
-        draw = np.ones(len(cell))
+                             f"give {robots.shape} primitives from 0 to {count - 1}")  # fmt: skip
+        liking = np.zeros((len(robots), count), np.float32)
+        if wishes.log_probabilities is not None:
+            liking = np.asarray(wishes.log_probabilities, dtype=np.float32)
+        silent = np.zeros(len(robots), bool) if wishes.silent is None else np.asarray(wishes.silent, dtype=bool)
+        if liking.shape != (len(robots), count) or silent.shape != robots.shape:
+            raise ValueError(
+                f"log-probabilities of shape {liking.shape}, silent of shape {silent.shape}: give {count} numbers "
+                f"and one flag for each of {len(robots)} robots"
+            )
+        draw = np.empty(len(self.world))
         for world in np.unique(self.world[robots]):
             stream = self._streams[world]
             draw[self._end[world] - len(stream.robots) : self._end[world]] = stream.shield.random(len(stream.robots))
-        moves = idle_shield(self._occupant, self._obstacles.reshape(-1), cell, target, draw)
-        self._occupant[cell[moves]] = NOBODY
-        self._occupant[target[moves]] = np.flatnonzero(moves)
-        made = moves[robots]
-        self.position[robots[made]] = destination[made]
-
-        blocked = (wanted != 0) & ~made
-        np.add.at(self._blocked, self.world[robots[blocked]], 1)
-        self._account(robots)
-        return Step(np.where(made, wanted, 0), blocked)
+        width = self._obstacles.shape[2]
+        place = self._cell(self.position[robots], self.world[robots])
+        leads = place[:, None] + DELTAS[:, 0] + width * DELTAS[:, 1]
+        row = np.full(len(self.world) + 1, NOBODY)  # of each robot among the active; the last one is nobody's
+        row[robots] = np.arange(len(robots))
+        return Scene(
+            place=place,
+            leads=leads,
+            free=self._obstacles.reshape(-1)[leads] == 0,
+            ahead=row[self._occupant[leads]],
+            wanted=np.where(silent, Primitive.IDLE, wanted),
+            log_probabilities=liking,
+            silent=silent,
+            waited=self.tick - self._last_visit[robots],
+            draw=draw[robots],
+        )
 
     def measures(self, expert: Sequence[Flowtime | None]) -> list[EpisodeMeasures]:
         """The measures of each world (``[B]``), against the expert's flowtimes (``[B]``)."""
@@ -211,6 +253,7 @@ class Simulator:
         on_goal = self.on_goal
         now = np.zeros(len(on_goal), dtype=bool)
         now[robots] = on_goal[robots]
+        self._last_visit[now] = self.tick
         self._first_visit[now & (self._first_visit < 0)] = self.tick
         self._arrival[now & (self._arrival < 0)] = self.tick
         self._arrival[robots[~on_goal[robots]]] = -1

@@ -10,7 +10,7 @@ from magat_sim.episode import EpisodeStreams
 from magat_sim.field_of_view import Uint8Array
 from magat_sim.grid import DELTAS, BoolArray, IntArray
 from magat_sim.relay import Bundle, Relay
-from magat_sim.simulator import DEFAULT_RULES, Rules, Simulator, Step
+from magat_sim.simulator import DEFAULT_RULES, Rules, Simulator, Step, Wishes
 
 
 @dataclass(frozen=True)
@@ -32,6 +32,8 @@ class Wish:
     primitive: int
     heard: int
     feature_bytes: int
+    #: ``[5]`` how much it likes the primitives.
+    log_probabilities: npt.ArrayLike = (0.0,) * len(DELTAS)
 
 
 @dataclass(frozen=True)
@@ -113,14 +115,15 @@ class Episode:
     def advance(self) -> Outcome:
         """End the tick: who is silent idles, the shield rules, the robots move."""
         wanted = np.zeros(self.robots, dtype=np.int64)
+        liking = np.zeros((self.robots, len(DELTAS)), dtype=np.float32)
         for robot, wish in self._wishes.items():
-            wanted[robot] = wish.primitive
+            wanted[robot], liking[robot] = wish.primitive, wish.log_probabilities
             self.features_missing += max(0, int(self._audible[robot]) - wish.heard)
             self.feature_bytes += wish.feature_bytes
         self.answers += len(self._wishes)
         silent = ~self.answered
         self.silent += int(silent.sum())
-        return Outcome(wanted, self.simulator.step(wanted), silent, self._links)
+        return Outcome(wanted, self.simulator.step(Wishes(wanted, liking, silent)), silent, self._links)
 
     @property
     def bytes_per_tick(self) -> float:

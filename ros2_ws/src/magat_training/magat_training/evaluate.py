@@ -4,10 +4,9 @@ from collections.abc import Callable, Sequence
 
 from magat_robot.policy.policy import Policy
 from magat_sim.episode import episode_streams
-from magat_sim.grid import IntArray
 from magat_sim.measures import EpisodeMeasures
 from magat_sim.rollout import run
-from magat_sim.simulator import DEFAULT_RULES, Observation, Rules, Simulator
+from magat_sim.simulator import DEFAULT_RULES, Observation, Rules, Simulator, Wishes
 from magat_training.cases import SET_SEED, SolvedCase
 
 
@@ -52,9 +51,10 @@ def evaluate(
 def run_policy(policy: Policy, simulator: Simulator, on_step: Callable[[Simulator], None] | None = None) -> None:
     """Step ``simulator`` to its end, every robot carrying ``policy``; ``on_step`` is called after each step."""
 
-    def decide(observation: Observation) -> IntArray:
-        return policy.decide_together(
+    def decide(observation: Observation) -> Wishes:
+        decision = policy.decide_together(
             observation.field_of_view, observation.heard, observation.streams, observation.tick
-        ).primitives
+        )
+        return Wishes(decision.primitives, decision.log_probabilities)
 
     run(simulator, decide, on_step)

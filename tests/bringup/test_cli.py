@@ -58,12 +58,23 @@ def test_a_team_is_scored_in_another_encoding_and_with_links_lost(capfd, policy_
     assert pushed["delta_ft"] != plain["delta_ft"]
 
 
+def test_neither_the_processes_nor_their_number_change_a_measure(capfd, policy_folder):
+    reports = []
+    for workers in ("1", "2"):
+        size = ["--robots", "400", "--width", "80", "--height", "80"]
+        assert main(["evaluate", "--cases", "3", "--json", "--workers", workers, "--policy", "PIBT", *size]) == 0
+        reports.append(json.loads(capfd.readouterr().out) | {"seconds": 0})
+    assert reports[0] == reports[1]
+    assert reports[0]["policy"] == "PIBT"
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
         (["evaluate", "--policy", "no-such-policy"], "no policy 'no-such-policy'"),
         (["evaluate", "--cases", "1000000"], "has 4500 cases"),
         (["evaluate", "--cases", "2", "--robots", "500"], "do not fit"),
+        (["results", "--study", "magic"], "no study 'magic'"),
         (["run", "--policy", "no-such-policy"], "no policy 'no-such-policy'"),
         (["run", "--interface", "[/none]"], "no interface '[/none]' with an IPv4 address"),
         (["env", "--server", "nowhere.invalid"], "discovery server 'nowhere.invalid'"),

@@ -11,12 +11,13 @@ import pytest
 from rich.console import Console
 
 from magat_bringup import cli, evaluation, measured
-from magat_bringup.measured import MEASURES, STANDARD_SETS, StandardSet, keep, markdown, measure, read, stale, table
+from magat_bringup.measured import MEASURES, keep, markdown, measure, read, stale, table
+from magat_bringup.sets import STANDARD_SETS, StandardSet
 from magat_robot.policy.config import ModelError
 from magat_robot.policy.store import load, save
 from magat_sim.measures import summarise
 from magat_training.cases import SET_SEED, SPLITS, solved_cases
-from magat_training.evaluate import evaluate
+from magat_training.evaluate import evaluate, evaluate_planner
 
 SETS = (StandardSet(8, 3, 5), StandardSet(9, 4, 3))
 QUIET = Console(quiet=True)
@@ -73,11 +74,11 @@ def test_the_size_of_the_batches_changes_nothing(folder: Path, monkeypatch: pyte
     monkeypatch.setattr(evaluation, "BATCH_ROBOTS", 7)
     sizes: list[int] = []
 
-    def watched(policy: Any, batch: list, *rest: Any) -> list:
+    def watched(planner: Any, batch: list, **rest: Any) -> list:
         sizes.append(len(batch))
-        return evaluate(policy, batch, *rest)
+        return evaluate_planner(planner, batch, **rest)
 
-    monkeypatch.setattr(evaluation, "evaluate", watched)
+    monkeypatch.setattr(evaluation, "evaluate_planner", watched)
     (parts,) = measure(folder, SETS[:1], QUIET)
     assert sizes == [2, 2, 1], "of 3 robots each"
     assert parts | {"seconds": 0} == whole | {"seconds": 0}
@@ -207,7 +208,7 @@ def test_the_table_puts_policies_side_by_side_on_each_set() -> None:
 
 
 def test_the_command_measures_and_prints(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
-    monkeypatch.setattr(measured, "STANDARD_SETS", SETS)
+    monkeypatch.setattr(cli, "STANDARD_SETS", SETS)
     assert cli.main(["measure", "--policy", str(folder), "--cases", "4"]) == 0
     assert [(one["width"], one["cases"]) for one in read(folder)] == [(8, 4), (9, 3)]
     output = capsys.readouterr().out

@@ -10,8 +10,9 @@ from rich.console import Console
 from safetensors.torch import load_file
 
 from magat_bringup import cli, models
-from magat_bringup.measured import MEASURES, StandardSet, measure
+from magat_bringup.measured import MEASURES, measure
 from magat_bringup.models import all_policies, describe
+from magat_bringup.sets import StandardSet
 from magat_robot.policy.config import ModelError
 from magat_robot.policy.store import CONFIG, WEIGHTS, save
 

@@ -1,5 +1,7 @@
 """The page of results: what is on it was measured, and nothing is measured twice."""
 
+import dataclasses
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,8 +12,8 @@ from rich.console import Console
 
 from magat_bringup import cli, models, results
 from magat_bringup.evaluation import Setting, evaluate_policy
-from magat_bringup.measured import StandardSet
 from magat_bringup.results import Point, Study
+from magat_bringup.sets import TEST_SETS, StandardSet
 from magat_robot.policy.store import save
 from magat_sim.simulator import Rules
 from magat_training.cases import SET_SEED, SPLITS
@@ -49,16 +51,13 @@ def study(policies: dict[str, Path], losses: tuple[float, ...] = (0.0, 0.5), whi
 
 def test_what_is_kept_is_what_was_measured(policies: dict[str, Path], tmp_path: Path) -> None:
     measured = results.measured(study(policies), tmp_path / "losses.csv", QUIET)
-    again = results.measured(study(policies), tmp_path / "losses.csv", QUIET)
+    assert measured == results.measured(study(policies), tmp_path / "losses.csv", QUIET)
     names = ["first", "first", "second", "second"]
     assert [(one["policy"], one["link_loss"]) for one in measured] == list(zip(names, [0.0, 0.5] * 2, strict=True))
-    for fresh, kept in zip(measured, again, strict=True):
-        setting = Setting(rules=Rules(fresh["link_loss"]))
-        alone = evaluate_policy(policies[fresh["policy"]], SPLITS["test"][:4], SET_SEED, setting, SMALL.size, QUIET)
-        assert {name: fresh[name] for name in kept} == kept
-        assert {name: alone[name] for name in kept if name != "policy"} == {
-            k: v for k, v in kept.items() if k != "policy"
-        }
+    for one in measured:
+        setting = Setting(rules=Rules(one["link_loss"]))
+        alone = evaluate_policy(policies[one["policy"]], SPLITS["test"][:4], SET_SEED, setting, SMALL.size, QUIET)
+        assert one == {name: alone[name] for name in one} | {"policy": one["policy"]}
     assert len({one["delta_ft"] for one in measured}) == 4
 
 
@@ -84,7 +83,7 @@ def test_a_point_that_is_there_is_not_measured_again(
     save(random_network("MAGAT-F-16", seed=5), policies["second"], "# card\n")
     reports = results.measured(study(policies, which=StandardSet(9, 3, 5)), path, QUIET)
     assert counted == [policies["second"]] * 2
-    assert len(results.read_csv(path)) == len(reports) == 4, "rows of other weights are gone"
+    assert len(reports) == 4
 
 
 def test_what_was_measured_before_an_interruption_is_kept(
@@ -113,7 +112,7 @@ def test_what_was_measured_before_an_interruption_is_kept(
 
 
 def test_the_page_shows_each_study_with_its_picture_and_rows(policies: dict[str, Path], tmp_path: Path) -> None:
-    page = results.results([study(policies)], tmp_path / "docs", QUIET)
+    page = results.results([study(policies)], ["losses"], tmp_path / "docs", QUIET)
     assert sorted(file.name for file in page.parent.iterdir()) == ["losses.csv", "losses.png", "results.md"]
     text = page.read_text()
     assert "## Losses\n\nWhat is lost.\n\n![Losses](losses.png)\n\n| map (robots) | policy | lost |" in text
@@ -138,9 +137,9 @@ def test_bytes_are_those_that_a_robot_counts(
 
 
 def test_the_studies_are_of_the_policies_given(policies: dict[str, Path]) -> None:
-    for build in results.STUDIES:
+    for build in results.STUDIES.values():
         built = build(policies)
-        assert {point.policy for point in built.points} == set(policies)
+        assert {point.policy for point in built.points if point.folder is not None} == set(policies)
         assert len(set(built.points)) == len(built.points)
     losses = results.link_loss(policies).points
     assert {point.setting.rules.link_loss for point in losses} == {0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 1.0}
@@ -151,7 +150,7 @@ def test_the_command_writes_the_page(
     policies: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
     monkeypatch.setattr(models, "model_folders", lambda: iter([tmp_path / "models"]))
-    monkeypatch.setattr(results, "STUDIES", [study])
+    monkeypatch.setattr(results, "STUDIES", {"losses": study})
     assert cli.main(["results", "--policy", "second", "--output", str(tmp_path / "out")]) == 0
     assert "results.md" in capsys.readouterr().err
     page = (tmp_path / "out" / "results.md").read_text()
@@ -159,3 +158,65 @@ def test_the_command_writes_the_page(
     assert "first |" not in page
     assert cli.main(["results", "--policy", "nothing", "--output", str(tmp_path / "none")]) == 1
     assert not (tmp_path / "none").exists()
+
+
+def test_studies_that_are_not_wanted_stay_as_they_were(
+    policies: dict[str, Path], tmp_path: Path, counted: list[Path]
+) -> None:
+    docs = tmp_path / "docs"
+    other = dataclasses.replace(study(policies), name="other", title="Other")
+    results.results([study(policies), other], ["losses"], docs, QUIET)
+    assert "## Other" not in (docs / "results.md").read_text()
+    assert len(counted) == 4
+    page = results.results([study(policies), other], ["other"], docs, QUIET).read_text()
+    assert len(counted) == 8
+    assert page.index("## Losses") < page.index("## Other")
+
+
+def test_a_test_set_is_of_policies_in_settings_and_of_baselines(policies: dict[str, Path]) -> None:
+    settings = [Setting(), Setting(rules=Rules(shield="pibt"))]
+    built = results.test_set("large", policies, settings, ["PIBT"])
+    assert [(p.cases.side, p.cases.robots, p.cases.expert_w) for p in built.points[::5]] == [
+        (100, 500, 5.0),
+        (200, 500, 5.0),
+        (200, 1000, 5.0),
+    ]
+    shields = [(p.policy, p.setting.rules.shield) for p in built.points[:4]]
+    assert shields == [("first", "idle"), ("first", "pibt"), ("second", "idle"), ("second", "pibt")]
+    assert (built.points[4].policy, built.points[4].folder) == ("PIBT", None)
+    assert {p.cases.cases for p in results.with_cases(built, 7).points} == {7}
+
+
+def test_the_papers_numbers_stand_beside_ours() -> None:
+    def row(**changes: object) -> tuple[str, ...]:
+        measures = {
+            "alpha": 0.5,
+            "alpha_interval": (0.4, 0.6),
+            "delta_ft": 0.1,
+            "delta_ft_half_width": 0.01,
+            "p_rg": 1.0,
+        }
+        where = {"width": 65, "height": 65, "robots": 100, "cases": 10, "policy": "MAGAT-F-128", "shield": "idle"}
+        return results._set_rows([measures | where | changes])[1]
+
+    assert row()[-1] == "0.91"
+    assert row(policy="GNN-F-32")[-1] == "0.82"
+    # It has no such shield, and no other maps.
+    assert [row(shield="pibt")[-1], row(robots=60)[-1], row(policy="HCA")[-1]] == ["", "", ""]
+
+
+def test_a_set_is_evaluated_by_name_and_resumed(
+    policies: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture,
+    counted: list[Path],
+) -> None:  # fmt: skip
+    monkeypatch.setitem(TEST_SETS, "large", [SMALL, StandardSet(9, 3, 4, expert_w=5.0)])
+    monkeypatch.chdir(tmp_path)
+    command = ["evaluate", "--set", "large", "--cases", "3", "--json"]
+    for policy in ("first", "first", "PIBT"):
+        assert cli.main([*command, "--policy", str(policies.get(policy, policy))]) == 0
+    first, again, pibt = (json.loads(line) for line in capsys.readouterr().out.splitlines())
+    assert len(counted) == 2
+    assert first == again
+    assert [(one["width"], one["cases"], one["shield"]) for one in first] == [(8, 3, "idle"), (9, 3, "idle")]
+    assert [(one["policy"], one["shield"], one["digest"]) for one in pibt] == [("PIBT", "pibt", "")] * 2
+    assert len(results.read_csv(Path("runs/sets/large.csv"))) == 4

@@ -10,7 +10,8 @@ from rich.console import Console
 from magat_bringup import training
 from magat_bringup.bench_training import PARTS, bench_training, table
 from magat_bringup.cli import main
-from magat_bringup.measured import StandardSet, read
+from magat_bringup.measured import read
+from magat_bringup.sets import StandardSet
 from magat_robot.policy.store import load
 from magat_training.recipe import read_recipe
 

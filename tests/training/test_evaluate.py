@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from magat_sim.simulator import Simulator
+from magat_sim.simulator import Rules, Simulator
 from magat_training.cases import SolvedCase, solved_cases
 from magat_training.evaluate import evaluate, simulator_for
 
@@ -49,3 +49,10 @@ def test_progress_is_told_after_each_step(solved: list[SolvedCase], small_policy
     measures = evaluate(small_policy("MAGAT-F-16"), solved, on_step=on_step)
     assert ticks == list(range(1, max(m.ticks for m in measures) + 1))
     assert all(simulator is seen[0] for simulator in seen)
+
+
+def test_a_shield_and_lost_links_are_rules_of_the_worlds(solved: list[SolvedCase], small_policy: Callable) -> None:
+    policy = small_policy("MAGAT-F-16")
+    measures = [evaluate(policy, solved, rules=rules) for rules in (Rules(), Rules(0.5), Rules(shield="pibt"))]
+    assert measures[0] == evaluate(policy, solved)
+    assert len({tuple(m.flowtime for m in one) for one in measures}) == 3

@@ -7,6 +7,7 @@ import os
 import shlex
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.markup import escape
@@ -16,6 +17,7 @@ from magat_bringup.bag import BagError
 from magat_bringup.environment import Network, NetworkError, NoDomainError
 from magat_bringup.models import all_policies, find_policy
 from magat_bringup.processes import TeamError
+from magat_bringup.sets import STANDARD_SETS, TEST_SETS
 from magat_bringup.team import TeamFileError
 from magat_robot.policy.config import ENCODINGS, ModelError
 from magat_robot.policy.deployment import BACKENDS
@@ -23,6 +25,9 @@ from magat_sim.case import InvalidCaseError
 from magat_sim.shield import SHIELDS
 from magat_training.cases import SET_SEED, SPLITS
 from magat_training.data import DataSetError
+
+if TYPE_CHECKING:
+    from magat_bringup.evaluation import Setting
 
 #: Beyond it, a domain's ports are among those that systems hand out by themselves.
 LAST_DOMAIN = 101
@@ -150,8 +155,13 @@ def _parser() -> argparse.ArgumentParser:
 
     evaluate = commands.add_parser("evaluate", help="score a policy on many cases, in one process")
     evaluate.set_defaults(execute=_evaluate)
-    evaluate.add_argument("--cases", type=_positive, default=300)
-    evaluate.add_argument("--split", choices=sorted(SPLITS), default="test")
+    evaluate.add_argument("--cases", type=_positive, help="how many (default: 300, or all of a set)")
+    which = evaluate.add_mutually_exclusive_group()
+    which.add_argument("--split", choices=sorted(SPLITS), default="test")
+    which.add_argument(
+        "--set", choices=TEST_SETS, help="one of the paper's, size by size, kept in runs/sets; run again to resume"
+    )
+    evaluate.add_argument("--workers", type=_positive, default=1, help="processes")
     evaluate.add_argument("--temperature", type=float, help="sampling temperature instead of the policy's own")
     evaluate.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
 
@@ -191,6 +201,7 @@ def _parser() -> argparse.ArgumentParser:
         command.add_argument("--shield", choices=SHIELDS, default="idle", help="what keeps robots from colliding")
     for command in (run, evaluate, measure):
         command.add_argument("--policy", default="MAGAT-F-128", help="name of a policy in models/, or its folder")
+    evaluate.epilog = "instead of a policy: HCA, Replan or PIBT, which plan without learning"
     for command in (run, evaluate, frontier, make_data):
         command.add_argument("--robots", type=_positive, default=10)
         command.add_argument("--width", type=_positive, default=20, help="cells")
@@ -201,6 +212,9 @@ def _parser() -> argparse.ArgumentParser:
     results = commands.add_parser("results", help="measure the studies of docs/results.md, and write it; resumes")
     results.set_defaults(execute=_results)
     results.add_argument("--policy", nargs="+", help="names of policies in models/, or folders (default: all there)")
+    results.add_argument("--study", nargs="+", metavar="NAME", help="what to measure (default: all)")
+    results.add_argument("--cases", type=_positive, metavar="N", help="at most N of each set (default: all)")
+    results.add_argument("--workers", type=_positive, default=1, help="processes")
     results.add_argument("--output", type=Path, default=Path("docs"), help="folder of the page (default: docs)")
 
     train = commands.add_parser("train", help="train a policy by imitation of the expert; run again to resume")
@@ -380,14 +394,25 @@ def _bench_runtime(options: argparse.Namespace, console: Console) -> int:
 
 
 def _evaluate(options: argparse.Namespace, console: Console) -> int:
-    from magat_bringup.evaluation import Setting, evaluate_policy, table  # torch takes a second to import
+    from magat_bringup.evaluation import (  # torch takes a second to import
+        Setting,
+        evaluate_baseline,
+        evaluate_policy,
+        table,
+    )
     from magat_sim.simulator import Rules
+    from magat_training.baselines import BASELINES
 
-    size = {name: getattr(options, name) for name in ("width", "height", "robots", "density")}
-    numbers = _case_numbers(options.split, options.cases)
-    folder = find_policy(options.policy)
     setting = Setting(options.temperature, options.encoding, Rules(options.link_loss, options.shield))
-    report = evaluate_policy(folder, numbers, options.seed, setting, size, console)
+    if options.set:
+        return _evaluate_set(options, setting, console)
+    size = {name: getattr(options, name) for name in ("width", "height", "robots", "density")}
+    numbers = _case_numbers(options.split, options.cases or 300)
+    last = (size, console, options.workers)
+    if options.policy in BASELINES:
+        report = evaluate_baseline(options.policy, numbers, options.seed, *last)
+    else:
+        report = evaluate_policy(find_policy(options.policy), numbers, options.seed, setting, *last)
     if options.json:
         print(json.dumps(report))
     else:
@@ -395,8 +420,26 @@ def _evaluate(options: argparse.Namespace, console: Console) -> int:
     return 0
 
 
+def _evaluate_set(options: argparse.Namespace, setting: "Setting", console: Console) -> int:
+    from magat_bringup import results
+    from magat_training.baselines import BASELINES
+
+    baseline = options.policy in BASELINES
+    folders = [] if baseline else [find_policy(options.policy)]
+    policies = {folder.name: folder for folder in folders}
+    study = results.test_set(options.set, policies, [setting], [options.policy] if baseline else [])
+    if options.cases:
+        study = results.with_cases(study, options.cases)
+    reports = results.measured(study, Path("runs/sets") / f"{options.set}.csv", console, options.workers)
+    if options.json:
+        print(json.dumps(reports))
+    else:
+        Console().print(results.table(study, reports))
+    return 0
+
+
 def _measure(options: argparse.Namespace, console: Console) -> int:
-    from magat_bringup.measured import STANDARD_SETS, measure, table
+    from magat_bringup.measured import measure, table
 
     most = options.cases or max(which.cases for which in STANDARD_SETS)
     sets = [dataclasses.replace(which, cases=min(which.cases, most)) for which in STANDARD_SETS]
@@ -433,10 +476,16 @@ def _frontier(options: argparse.Namespace, console: Console) -> int:
 
 
 def _results(options: argparse.Namespace, console: Console) -> int:
-    from magat_bringup.results import STUDIES, results
+    from magat_bringup.results import STUDIES, results, with_cases
 
+    unknown = [name for name in options.study or () if name not in STUDIES]
+    if unknown:
+        raise InvalidCaseError(f"there is no study {unknown[0]!r}: it is one of {', '.join(STUDIES)}")
     policies = _policies(options.policy)
-    page = results([study(policies) for study in STUDIES], options.output, console)
+    studies = [study(policies) for study in STUDIES.values()]
+    if options.cases:
+        studies = [with_cases(study, options.cases) for study in studies]
+    page = results(studies, options.study or list(STUDIES), options.output, console, options.workers)
     console.print(f"{page}, its pictures and files are in {options.output}")
     return 0
 

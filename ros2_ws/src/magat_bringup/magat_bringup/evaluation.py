@@ -3,10 +3,14 @@
 import dataclasses
 import time
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+import torch
 from rich.console import Console
 from rich.progress import Progress, track
 from rich.table import Table
@@ -16,8 +20,9 @@ from magat_robot.policy.store import load
 from magat_sim.case import InvalidCaseError
 from magat_sim.measures import EpisodeMeasures, summarise
 from magat_sim.simulator import DEFAULT_RULES, Rules
+from magat_training.baselines import BASELINES
 from magat_training.cases import SolvedCase, solved_cases
-from magat_training.evaluate import evaluate
+from magat_training.evaluate import Planner, carried, evaluate_planner
 
 #: Robots simulated in lockstep, those of one case at least: more of them take more memory, and no less time each.
 BATCH_ROBOTS = 1000
@@ -54,6 +59,7 @@ def evaluate_policy(
     setting: Setting,
     size: dict[str, Any],
     console: Console,
+    workers: int = 1,
 ) -> dict[str, Any]:
     """Score the policy in ``folder`` on the cases ``numbers`` under ``seed``.
 
@@ -62,8 +68,9 @@ def evaluate_policy(
         numbers: of the cases.
         seed: of cases and random streams.
         setting: how the policy is run.
-        size: width, height, robots and density of the cases.
+        size: width, height, robots and density of the cases, and whatever else `solved_cases` takes.
         console: shows the progress.
+        workers: processes, of one thread each if there are several; their number changes no measure.
 
     Returns:
         Plain JSON values: what was measured, on what, with 95 % intervals.
@@ -73,6 +80,33 @@ def evaluate_policy(
         ModelError: the policy cannot be used, or not in this setting.
     """
     policy = setting.load(folder)
+    named = {
+        "policy": policy.config.name,
+        "digest": policy.digest,
+        "temperature": policy.config.temperature,
+        "encoding": policy.config.encoding,
+    }
+    return named | _evaluate(partial(carried, policy), setting.rules, numbers, seed, size, console, workers)
+
+
+def evaluate_baseline(
+    name: str, numbers: Sequence[int], seed: int, size: dict[str, Any], console: Console, workers: int = 1
+) -> dict[str, Any]:
+    """Score one of the `BASELINES` in the same way; it has no weights, messages and temperature."""
+    planner, shield = BASELINES[name]
+    named = {"policy": name, "digest": "", "temperature": 0.0, "encoding": ""}
+    return named | _evaluate(planner, Rules(shield=shield), numbers, seed, size, console, workers)
+
+
+def _evaluate(
+    planner: Planner,
+    rules: Rules,
+    numbers: Sequence[int],
+    seed: int,
+    size: dict[str, Any],
+    console: Console,
+    workers: int,
+) -> dict[str, Any]:
     solving = solved_cases(numbers, seed, **size)
     # Where nobody watches, each bar would leave an empty line.
     hidden = not console.is_interactive
@@ -80,14 +114,13 @@ def evaluate_policy(
     if not solved:
         raise InvalidCaseError(f"the expert solves none of the {len(numbers)} cases: ask for more, or for easier ones")
     started = time.monotonic()
-    episodes = _episodes(policy, solved, seed, setting.rules, console)
+    batch = max(1, BATCH_ROBOTS // solved[0].case.robots)
+    batches = [solved[start : start + batch] for start in range(0, len(solved), batch)]
+    score = partial(evaluate_planner, planner, seed=seed, rules=rules)
+    episodes = _in_processes(score, batches, workers, console) if workers > 1 else _here(score, batches, console)
     elapsed = time.monotonic() - started
     return {
-        "policy": policy.config.name,
-        "digest": policy.digest,
-        "temperature": policy.config.temperature,
-        "encoding": policy.config.encoding,
-        **dataclasses.asdict(setting.rules),
+        **dataclasses.asdict(rules),
         **size,
         "seed": seed,
         "first_case": numbers[0],
@@ -97,19 +130,26 @@ def evaluate_policy(
     }
 
 
-def _episodes(
-    policy: Policy, solved: list[SolvedCase], seed: int, rules: Rules, console: Console
-) -> list[EpisodeMeasures]:
+def _here(score: Any, batches: list[list[SolvedCase]], console: Console) -> list[EpisodeMeasures]:
     episodes: list[EpisodeMeasures] = []
-    size = max(1, BATCH_ROBOTS // solved[0].case.robots)
+    count = sum(map(len, batches))
     with Progress(console=console, transient=True, disable=not console.is_interactive) as progress:
-        for start in range(0, len(solved), size):
-            batch = solved[start : start + size]
-            task = progress.add_task(f"episodes {start + 1} to {start + len(batch)} of {len(solved)}")
+        for batch in batches:
+            first = len(episodes) + 1
+            task = progress.add_task(f"episodes {first} to {first + len(batch) - 1} of {count}")
             progress.update(task, total=max(case.t_max for case in batch))
-            episodes += evaluate(policy, batch, seed, lambda _, task=task: progress.advance(task), rules)  # type: ignore[misc]
+            episodes += score(batch, on_step=lambda _, task=task: progress.advance(task))
             progress.remove_task(task)
     return episodes
+
+
+def _in_processes(score: Any, batches: list[list[SolvedCase]], workers: int, console: Console) -> list[EpisodeMeasures]:
+    # Started anew: torch's threads do not survive a fork.
+    with ProcessPoolExecutor(workers, get_context("spawn"), torch.set_num_threads, (1,)) as pool:
+        found = pool.map(score, batches)
+        hidden = not console.is_interactive
+        shown = track(found, "episodes", total=len(batches), console=console, transient=True, disable=hidden)
+        return [measures for batch in shown for measures in batch]
 
 
 def set_name(report: dict[str, Any]) -> str:

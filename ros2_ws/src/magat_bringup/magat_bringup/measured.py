@@ -7,7 +7,6 @@ by their digest: once a folder has other weights, its reports are stale, and are
 import itertools
 import json
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from rich.progress import track
 from rich.table import Table
 
 from magat_bringup.evaluation import Setting, evaluate_policy, set_name
+from magat_bringup.sets import StandardSet
 from magat_robot.policy.config import ModelError
 from magat_training.cases import SET_SEED, SPLITS
 
@@ -26,23 +26,6 @@ DIGITS = 12
 
 Report = dict[str, Any]
 
-
-@dataclass(frozen=True)
-class StandardSet:
-    """The first cases of the test split (its numbers and the default seed), on square maps of one size."""
-
-    side: int
-    robots: int
-    cases: int
-    density: float = 0.1
-
-    @property
-    def size(self) -> dict[str, Any]:
-        """Width, height, robots and density, as `evaluation.evaluate_policy` takes them."""
-        return {"width": self.side, "height": self.side, "robots": self.robots, "density": self.density}
-
-
-STANDARD_SETS = (StandardSet(20, 10, 1000), StandardSet(50, 60, 200), StandardSet(65, 100, 100))
 
 # What makes two reports ones of the same thing, and the order in which they are kept.
 _SET = ("width", "height", "robots", "density", "seed", "first_case")

@@ -6,7 +6,7 @@ the page, one row a point, and a point that is there is not measured again, as l
 
 import csv
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,21 +15,37 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
 
-from magat_bringup.evaluation import Setting, evaluate_policy, set_name
+from magat_bringup.evaluation import DEFAULT_SETTING, Setting, evaluate_baseline, evaluate_policy, set_name
 from magat_bringup.frontier import DASHES, MARKERS, half_width, write_csv
-from magat_bringup.measured import Report, StandardSet
+from magat_bringup.measured import Report
 from magat_bringup.record import INK, robot_colour, tint
+from magat_bringup.sets import TEST_SETS, StandardSet
 from magat_node import cdr
 from magat_robot.policy.config import ENCODINGS
 from magat_robot.policy.folder import read_folder
 from magat_robot.policy.payload import encoded_bytes
+from magat_sim.shield import SHIELDS
 from magat_sim.simulator import Rules
+from magat_training.baselines import BASELINES
 from magat_training.cases import SET_SEED, SPLITS
 
 PAGE = "results.md"
 #: Shares of the radio links that are lost.
 LOSSES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)
+
+#: What the paper says of alpha, by policy and set.
+PAPER: Mapping[tuple[str, str], str] = {
+    **{
+        (f"{kind}-F-{features}", "65x65 (100)"): f"{alpha:.2f}"
+        for kind, alphas in (("MAGAT", (0.91, 0.85, 0.81, 0.78)), ("GNN", (0.83, 0.78, 0.82, 0.77)))
+        for features, alpha in zip((128, 64, 32, 16), alphas, strict=True)
+    },
+    ("MAGAT-F-32-P4", "50x50 (100)"): "0.95",
+    ("MAGAT-B-32-P4", "50x50 (100)"): "0.95",
+    ("MAGAT-B-32-P4", "200x200 (1000)"): "> 0.80",
+}
 
 # Columns that are texts; all others are numbers.
 _TEXTS = ("policy", "encoding", "shield", "digest")
@@ -44,24 +60,21 @@ _IDENTITY = (
 class Point:
     """One evaluation."""
 
-    #: Name of the policy, which names it in tables and pictures, too.
+    #: Name of the policy, which names it in tables and pictures, too; or one of `BASELINES`.
     policy: str
-    folder: Path
+    #: Of the policy; None for a baseline.
+    folder: Path | None
+    #: How a policy is run.
     setting: Setting
     #: The first cases of the test split.
     cases: StandardSet
 
     def identity(self) -> tuple[Any, ...]:
         """What it has in common with every row of the same point, see `_identity`."""
-        config, digest, _ = read_folder(self.folder)
-        temperature, encoding = self.setting.temperature, self.setting.encoding
         known = {
             "policy": self.policy,
-            "digest": digest,
-            "temperature": config.temperature if temperature is None else temperature,
-            "encoding": encoding or config.encoding,
             "link_loss": self.setting.rules.link_loss,
-            "shield": self.setting.rules.shield,
+            **self._carried(),
             **self.cases.size,
             "seed": SET_SEED,
             "first_case": SPLITS["test"].start,
@@ -69,12 +82,25 @@ class Point:
         }
         return tuple(known[name] for name in _IDENTITY)
 
-    def measure(self, console: Console) -> Report:
-        """Its report, as of `evaluation.evaluate_policy`."""
-        numbers = SPLITS["test"][: self.cases.cases]
-        return evaluate_policy(self.folder, numbers, SET_SEED, self.setting, self.cases.size, console) | {
-            "policy": self.policy
+    def _carried(self) -> dict[str, Any]:
+        if self.folder is None:
+            return {"digest": "", "temperature": 0.0, "encoding": "", "shield": BASELINES[self.policy][1]}
+        config, digest, _ = read_folder(self.folder)
+        temperature, encoding = self.setting.temperature, self.setting.encoding
+        return {
+            "digest": digest,
+            "temperature": config.temperature if temperature is None else temperature,
+            "encoding": encoding or config.encoding,
+            "shield": self.setting.rules.shield,
         }
+
+    def measure(self, console: Console, workers: int) -> Report:
+        """Its report, as of `evaluation.evaluate_policy`."""
+        numbers, size = SPLITS["test"][: self.cases.cases], self.cases.size
+        if self.folder is None:
+            return evaluate_baseline(self.policy, numbers, SET_SEED, size, console, workers)
+        report = evaluate_policy(self.folder, numbers, SET_SEED, self.setting, size, console, workers)
+        return report | {"policy": self.policy}
 
 
 @dataclass(frozen=True)
@@ -131,16 +157,77 @@ def encodings(policies: Mapping[str, Path]) -> Study:
     )
 
 
-STUDIES: Sequence[Callable[[Mapping[str, Path]], Study]] = (link_loss, encodings)
+def test_set(name: str, policies: Mapping[str, Path], settings: Sequence[Setting], baselines: Sequence[str]) -> Study:
+    """One of the paper's test sets.
+
+    Args:
+        name: one of `TEST_SETS`.
+        policies: folder of each, by its name.
+        settings: in which each policy is run.
+        baselines: of `BASELINES`.
+    """
+    planners = [
+        *((policy, folder, setting) for policy, folder in policies.items() for setting in settings),
+        *((baseline, None, DEFAULT_SETTING) for baseline in baselines),
+    ]
+    return Study(
+        name,
+        f"Test set: {name}",
+        _SET_TEXTS[name],
+        tuple(Point(*planner, which) for which in TEST_SETS[name] for planner in planners),
+        _set_rows,
+    )
 
 
-def results(studies: Sequence[Study], output: Path, console: Console) -> Path:
+_SET_TEXTS = {
+    "same-density": "Maps grow with the team. The paper: delta_FT of MAGAT-F-32-P4 and MAGAT-B-32-P4 is below 0.065.",
+    "increasing-density": "More and more robots on one map. The paper: most MAGAT policies have alpha above 0.92 and "
+    "delta_FT below 0.10 with 10 to 60 robots; HCA drops from 40 robots on.",
+    "large": "Large maps and teams, against an expert of w = 5. The paper: p_rg is at least 0.986 everywhere, and at "
+    "least 0.996 for MAGAT on 100x100 (500).",
+}
+
+
+_SHIELDED = [Setting(rules=Rules(shield=shield)) for shield in SHIELDS]
+
+
+def _same_density(policies: Mapping[str, Path]) -> Study:
+    return test_set("same-density", policies, _SHIELDED, list(BASELINES))
+
+
+def _increasing_density(policies: Mapping[str, Path]) -> Study:
+    return test_set("increasing-density", policies, _SHIELDED, list(BASELINES))
+
+
+def _large(policies: Mapping[str, Path]) -> Study:
+    return test_set("large", policies, _SHIELDED, ["PIBT"])  # the others plan too long for such teams
+
+
+#: What is on the page, in its order, by name.
+STUDIES: Mapping[str, Callable[[Mapping[str, Path]], Study]] = {
+    "link_loss": link_loss,
+    "encodings": encodings,
+    "same-density": _same_density,
+    "increasing-density": _increasing_density,
+    "large": _large,
+}
+
+
+def with_cases(study: Study, most: int) -> Study:
+    """``study`` on at most ``most`` cases of each set."""
+    few = [replace(point, cases=replace(point.cases, cases=min(point.cases.cases, most))) for point in study.points]
+    return replace(study, points=tuple(few))
+
+
+def results(studies: Sequence[Study], wanted: Sequence[str], output: Path, console: Console, workers: int = 1) -> Path:
     """Measure what is missing, and write the page.
 
     Args:
         studies: in the order of the page.
+        wanted: names of those to be measured; of the others, the page has what was measured before.
         output: folder for the page, pictures and files.
         console: shows the progress.
+        workers: processes.
 
     Returns:
         The page.
@@ -152,7 +239,11 @@ def results(studies: Sequence[Study], output: Path, console: Console) -> Path:
     output.mkdir(parents=True, exist_ok=True)
     parts = [_HEAD]
     for study in studies:
-        reports = measured(study, output / f"{study.name}.csv", console)
+        path = output / f"{study.name}.csv"
+        reports = measured(study, path, console, workers) if study.name in wanted else read_csv(path)
+        if not reports:
+            continue
+        _write(reports, path)  # without what is not of the study any more
         parts += [f"## {study.title}", study.text]
         if study.draw is not None:
             study.draw(reports, output / f"{study.name}.png")
@@ -174,25 +265,23 @@ in the files beside them, or was of other weights. Cases are the first of the te
 at its own temperature. Intervals are of 95 % (Wilson for rates). For one point alone there is `magat evaluate`."""
 
 
-def measured(study: Study, path: Path, console: Console) -> list[Report]:
+def measured(study: Study, path: Path, console: Console, workers: int = 1) -> list[Report]:
     """The reports of the study's points, in order, out of the file ``path`` or measured; then they are in there."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     known = {_identity(row): row for row in read_csv(path)}
-    reports = []
+    identities = [point.identity() for point in study.points]
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_interactive) as progress:
         task = progress.add_task(study.title, total=len(study.points))
-        for point in study.points:
-            identity = point.identity()
+        for point, identity in zip(study.points, identities, strict=True):
             if identity not in known:
-                progress.update(
-                    task, description=f"{study.title}: {escape(point.policy)}, {set_name(point.cases.size)}"
-                )
-                known[identity] = point.measure(console)
+                what = f"{study.title}: {escape(point.policy)}, {set_name(point.cases.size)}"
+                progress.update(task, description=what)
+                known[identity] = point.measure(console, workers)
                 _write(list(known.values()), path)  # at once: it may be interrupted before the next one
-            reports.append(known[identity])
             progress.advance(task)
-    _write(reports, path)
-    return reports
+    kept = {_identity(row): row for row in read_csv(path)}
+    return [kept[identity] for identity in identities]
 
 
 def read_csv(path: Path) -> list[Report]:
@@ -222,6 +311,17 @@ def _write(reports: Sequence[Report], path: Path) -> None:
 def _identity(report: Report) -> tuple[Any, ...]:
     known = report | {"cases_asked": report["cases"] + report["unsolved_by_expert"]}
     return tuple(known[name] for name in _IDENTITY)
+
+
+def table(study: Study, reports: Sequence[Report]) -> Table:
+    """The reports of ``study``, of as many of its points as there are, for people."""
+    heading, *rows = study.rows(reports)
+    result = Table(title=study.title, title_justify="left", box=None, pad_edge=False)
+    for name in heading:
+        result.add_column(name)
+    for row in rows:
+        result.add_row(*map(escape, row))
+    return result
 
 
 def bytes_per_step(folder: Path, encoding: str) -> int:
@@ -259,6 +359,15 @@ def _encoding_rows(policies: Mapping[str, Path], reports: Sequence[Report]) -> l
         size = bytes_per_step(policies[report["policy"]], report["encoding"])
         named = (set_name(report), report["policy"], report["encoding"], str(size), str(report["cases"]))
         rows.append((*named, *_measures(report)))
+    return rows
+
+
+def _set_rows(reports: Sequence[Report]) -> list[tuple[str, ...]]:
+    rows: list[tuple[str, ...]] = [("map (robots)", "policy", "shield", *_MEASURES, "alpha in the paper")]
+    for report in reports:
+        named = (set_name(report), report["policy"], report["shield"], str(report["cases"]))
+        paper = PAPER.get((report["policy"], set_name(report)), "") if report["shield"] == "idle" else ""
+        rows.append((*named, *_measures(report), paper))
     return rows
 
 

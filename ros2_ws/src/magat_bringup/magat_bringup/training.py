@@ -10,7 +10,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from magat_bringup import data, interruption
-from magat_bringup.measured import MEASURES, STANDARD_SETS, markdown, measure
+from magat_bringup.measured import MEASURES, markdown, measure
+from magat_bringup.sets import STANDARD_SETS
 from magat_robot.policy.config import ModelError
 from magat_robot.policy.store import CARD, save
 from magat_training.card import card

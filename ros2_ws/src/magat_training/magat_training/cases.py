@@ -60,13 +60,16 @@ def first_cases(count: int) -> dict[str, range]:
     return {split: SPLITS[split][: counts[split]] for split in SPLITS}
 
 
-def solved_cases(numbers: Sequence[int], seed: int = SET_SEED, workers: int = 2, **size: float) -> Iterator[SolvedCase]:
+def solved_cases(
+    numbers: Sequence[int], seed: int = SET_SEED, workers: int = 2, expert_w: float = EXPERT_W, **size: float
+) -> Iterator[SolvedCase]:
     """Draw and solve the cases ``numbers`` under ``seed``, in order; those without an expert's solution are left out.
 
     Args:
         numbers: of the cases.
         seed: of the series of cases.
         workers: solver threads.
+        expert_w: the expert's suboptimality bound.
         size: width, height, robots, density, as `draw_case` takes them.
     """
     drawn: list[Case] = []
@@ -76,7 +79,7 @@ def solved_cases(numbers: Sequence[int], seed: int = SET_SEED, workers: int = 2,
             drawn.append(draw_case(seed, number, **size))  # type: ignore[arg-type]
             yield drawn[-1]
 
-    solutions = solve_many(draw(), workers=workers, w=EXPERT_W, time_limit=math.inf, node_limit=EXPERT_NODE_LIMIT)
+    solutions = solve_many(draw(), workers=workers, w=expert_w, time_limit=math.inf, node_limit=EXPERT_NODE_LIMIT)
     for index, (number, solution) in enumerate(zip(numbers, solutions, strict=True)):
         if solution.status is SolveStatus.SOLVED and solution.paths is not None:
             yield SolvedCase(number, drawn[index], solution.paths)

@@ -1,13 +1,17 @@
-"""Scoring a policy on a set of cases, in the batched simulator."""
+"""Scoring a policy, or what plans in its place, on a set of cases, in the batched simulator."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from magat_robot.policy.policy import Policy
 from magat_sim.episode import episode_streams
 from magat_sim.measures import EpisodeMeasures
-from magat_sim.rollout import run
+from magat_sim.rollout import Decide, run
 from magat_sim.simulator import DEFAULT_RULES, Observation, Rules, Simulator, Wishes
 from magat_training.cases import SET_SEED, SolvedCase
+
+#: How the robots of a simulator, which has a world for each of the cases, decide.
+Planner = Callable[[Sequence[SolvedCase], Simulator], Decide]
 
 
 def simulator_for(
@@ -31,10 +35,21 @@ def evaluate(
     on_step: Callable[[Simulator], None] | None = None,
     rules: Rules = DEFAULT_RULES,
 ) -> list[EpisodeMeasures]:
+    """One episode on each case, all in lockstep, every robot carrying ``policy``; see `evaluate_planner`."""
+    return evaluate_planner(partial(carried, policy), solved, seed, on_step, rules)
+
+
+def evaluate_planner(
+    planner: Planner,
+    solved: Sequence[SolvedCase],
+    seed: int = SET_SEED,
+    on_step: Callable[[Simulator], None] | None = None,
+    rules: Rules = DEFAULT_RULES,
+) -> list[EpisodeMeasures]:
     """One episode on each case, all in lockstep.
 
     Args:
-        policy: carried by every robot.
+        planner: how the robots decide.
         solved: the cases, with the expert's solutions.
         seed: of the episodes' random streams.
         on_step: called after each step, e.g. to show progress.
@@ -44,17 +59,22 @@ def evaluate(
         The measures of each case, in order.
     """
     simulator = simulator_for(solved, seed, rules)
-    run_policy(policy, simulator, on_step)
+    run(simulator, planner(solved, simulator), on_step)
     return simulator.measures([s.flowtime for s in solved])
+
+
+def carried(policy: Policy, _: Sequence[SolvedCase], __: Simulator) -> Decide:
+    """Once ``policy`` is given, the `Planner` by which every robot carries it."""
+    return partial(_decide, policy)
 
 
 def run_policy(policy: Policy, simulator: Simulator, on_step: Callable[[Simulator], None] | None = None) -> None:
     """Step ``simulator`` to its end, every robot carrying ``policy``; ``on_step`` is called after each step."""
+    run(simulator, partial(_decide, policy), on_step)
 
-    def decide(observation: Observation) -> Wishes:
-        decision = policy.decide_together(
-            observation.field_of_view, observation.heard, observation.streams, observation.tick
-        )
-        return Wishes(decision.primitives, decision.log_probabilities)
 
-    run(simulator, decide, on_step)
+def _decide(policy: Policy, observation: Observation) -> Wishes:
+    decision = policy.decide_together(
+        observation.field_of_view, observation.heard, observation.streams, observation.tick
+    )
+    return Wishes(decision.primitives, decision.log_probabilities)

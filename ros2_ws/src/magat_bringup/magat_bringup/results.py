@@ -35,6 +35,8 @@ PAGE = "results.md"
 #: Shares of the radio links that are lost.
 LOSSES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)
 
+#: What curves are measured on.
+CURVE_SETS = (StandardSet(20, 10, 400), StandardSet(50, 60, 200))
 #: What the paper says of alpha, by policy and set.
 PAPER: Mapping[tuple[str, str], str] = {
     **{
@@ -121,7 +123,6 @@ class Study:
 
 def link_loss(policies: Mapping[str, Path]) -> Study:
     """Success and flowtime where links are lost."""
-    sets = (StandardSet(20, 10, 400), StandardSet(50, 60, 200))
     return Study(
         "link_loss",
         "Lost links",
@@ -129,7 +130,7 @@ def link_loss(policies: Mapping[str, Path]) -> Study:
         "tick, and does not wait for it. Where all are lost, nobody hears anybody. No policy was trained with losses.",
         tuple(
             Point(name, folder, Setting(rules=Rules(loss)), which)
-            for which in sets
+            for which in CURVE_SETS
             for name, folder in policies.items()
             for loss in (*LOSSES, 1.0)
         ),
@@ -140,7 +141,6 @@ def link_loss(policies: Mapping[str, Path]) -> Study:
 
 def encodings(policies: Mapping[str, Path]) -> Study:
     """Success against the bytes that a robot sends."""
-    sets = (StandardSet(20, 10, 1000), StandardSet(50, 60, 200))
     return Study(
         "encodings",
         "Encodings of messages",
@@ -148,7 +148,7 @@ def encodings(policies: Mapping[str, Path]) -> Study:
         "exactly (see [protocol.md](protocol.md)), and so gives the paths of float32.",
         tuple(
             Point(name, folder, Setting(encoding=encoding), which)
-            for which in sets
+            for which in CURVE_SETS
             for name, folder in policies.items()
             for encoding in ENCODINGS
         ),
@@ -238,9 +238,9 @@ def results(studies: Sequence[Study], wanted: Sequence[str], output: Path, conso
     """
     output.mkdir(parents=True, exist_ok=True)
     parts = [_HEAD]
-    for study in studies:
-        path = output / f"{study.name}.csv"
-        reports = measured(study, path, console, workers) if study.name in wanted else read_csv(path)
+    files = [output / f"{study.name}.csv" for study in studies]
+    for study, path in zip(studies, files, strict=True):
+        reports = measured(study, path, console, workers, files) if study.name in wanted else read_csv(path)
         if not reports:
             continue
         _write(reports, path)  # without what is not of the study any more
@@ -265,10 +265,11 @@ in the files beside them, or was of other weights. Cases are the first of the te
 at its own temperature. Intervals are of 95 % (Wilson for rates). For one point alone there is `magat evaluate`."""
 
 
-def measured(study: Study, path: Path, console: Console, workers: int = 1) -> list[Report]:
-    """The reports of the study's points, in order, out of the file ``path`` or measured; then they are in there."""
+def measured(study: Study, path: Path, console: Console, workers: int = 1, others: Sequence[Path] = ()) -> list[Report]:
+    """The reports of the study's points, in order, out of ``path`` or ``others`` or measured; then in ``path``, too."""
     path.parent.mkdir(parents=True, exist_ok=True)
     known = {_identity(row): row for row in read_csv(path)}
+    elsewhere = {_identity(row): row for other in others for row in read_csv(other)}
     identities = [point.identity() for point in study.points]
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_interactive) as progress:
@@ -277,7 +278,7 @@ def measured(study: Study, path: Path, console: Console, workers: int = 1) -> li
             if identity not in known:
                 what = f"{study.title}: {escape(point.policy)}, {set_name(point.cases.size)}"
                 progress.update(task, description=what)
-                known[identity] = point.measure(console, workers)
+                known[identity] = elsewhere.get(identity) or point.measure(console, workers)
                 _write(list(known.values()), path)  # at once: it may be interrupted before the next one
             progress.advance(task)
     kept = {_identity(row): row for row in read_csv(path)}

@@ -193,6 +193,7 @@ def test_of_two_that_would_swap_one_gives_way_into_a_bay() -> None:
 
 def test_a_silent_robot_is_not_pushed_and_those_behind_it_look_for_another_way() -> None:
     simulator = line([(0, 0), (1, 0)], [(4, 0), (1, 0)], height=2)
+    simulator.step([IDLE, IDLE])  # now the other one has waited for longer
     liking = [[-2, -1, -9, -9, 0], ALIKE]
     step = simulator.step(Wishes([RIGHT, IDLE], liking, [False, True]))
     assert step.moved.tolist() == [UP, IDLE]

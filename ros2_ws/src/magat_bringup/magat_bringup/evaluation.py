@@ -145,11 +145,14 @@ def _here(score: Any, batches: list[list[SolvedCase]], console: Console) -> list
 
 def _in_processes(score: Any, batches: list[list[SolvedCase]], workers: int, console: Console) -> list[EpisodeMeasures]:
     # Started anew: torch's threads do not survive a fork.
-    with ProcessPoolExecutor(workers, get_context("spawn"), torch.set_num_threads, (1,)) as pool:
+    pool = ProcessPoolExecutor(workers, get_context("spawn"), torch.set_num_threads, (1,))
+    try:
         found = pool.map(score, batches)
         hidden = not console.is_interactive
         shown = track(found, "episodes", total=len(batches), console=console, transient=True, disable=hidden)
         return [measures for batch in shown for measures in batch]
+    finally:
+        pool.shutdown(cancel_futures=True)  # interrupted, it ends with the batches that are under way
 
 
 def set_name(report: dict[str, Any]) -> str:

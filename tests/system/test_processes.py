@@ -26,6 +26,7 @@ pytestmark = pytest.mark.system
 CASE = SPLITS["test"][9]
 
 
+@pytest.mark.faults
 def test_a_robot_killed_in_mid_episode_stays_in_the_world_and_nobody_runs_into_it(start_team):
     with start_team(5, ready_timeout=20.0, respawn=False) as team:
         victims = []
@@ -112,6 +113,7 @@ def test_ten_robots_are_up_within_ten_seconds_and_each_costs_less_than_100_mib(s
     assert joined[0] < 10
 
 
+@pytest.mark.faults
 def test_a_robot_started_alone_walks_the_same_path(start_team, policy_folder):
     with start_team(3, ready_timeout=20.0, respawn=False) as team:
         forked = team.run(team.goal(CASE)).recording.positions

@@ -201,7 +201,7 @@ def test_the_world_is_shown_again_faster_and_a_view_draws_it(run):
     context = rclpy.Context()
     with own_domain() as domain:
         environment = loopback(domain)
-        replay = magat("replay", run / "bag", "--rate", 3, "--view", environment=environment)
+        replay = magat("replay", run / "bag", "--rate", 3, "--view", "--delay", 4, environment=environment)
         before = {name: os.environ.get(name) for name in environment}
         os.environ.update(environment)
         rclpy.init(args=[], context=context, domain_id=domain)

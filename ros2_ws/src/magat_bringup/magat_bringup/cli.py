@@ -142,6 +142,9 @@ def _parser() -> argparse.ArgumentParser:
     replay.set_defaults(execute=_replay)
     replay.add_argument("bag", type=Path)
     replay.add_argument("--rate", type=_factor, default=1.0, help="times as fast as it was (default: 1)")
+    replay.add_argument(
+        "--delay", type=_seconds, default=1.0, metavar="SECONDS", help="wait so long for tools to find it (default: 1)"
+    )
     replay.add_argument("--view", action="store_true", help="start a view, in place of what a recorded one published")
 
     for joining in (record, replay):
@@ -351,7 +354,7 @@ def _replay(options: argparse.Namespace, console: Console) -> int:
     from magat_bringup.replay import replay
 
     _join(options.domain, options.server)
-    replay(options.bag, options.rate, options.view, console)
+    replay(options.bag, options.rate, options.view, options.delay, console)
     return 0
 
 

@@ -23,13 +23,14 @@ from magat_sim.view import ViewNode
 PATIENCE = 10.0
 
 
-def replay(bag: Path, rate: float, view: bool, console: Console) -> int:
+def replay(bag: Path, rate: float, view: bool, delay: float, console: Console) -> int:
     """Publish the world and what tools said of it (never what robots listen to), ``rate`` times as fast as it was.
 
     Args:
         bag: folder or file.
         rate: above 0.
         view: whether a view draws the world anew; what a recorded one published is left out then.
+        delay: seconds before it begins, in which tools find it.
         console: shows how far it is.
 
     Returns:
@@ -62,9 +63,12 @@ def replay(bag: Path, rate: float, view: bool, console: Console) -> int:
             if view:
                 drawing = ViewNode(context=context, namespace=namespace.rstrip("/") or "/")
                 executor.add_node(drawing)
-                _wait(executor, lambda: publishers[world].get_subscription_count() > 0)
+                if not _spin(executor, lambda: publishers[world].get_subscription_count() > 0, PATIENCE):
+                    raise TeamError(f"the view does not listen after {PATIENCE:g} s")
             domain = os.environ.get("ROS_DOMAIN_ID", "0")
             console.print(f"In ROS domain {domain}: {', '.join(sorted(publishers))}", highlight=False)
+            begin = time.monotonic() + delay
+            _spin(executor, lambda: time.monotonic() >= begin, 2 * delay)
             return _publish(bag, rate, publishers, executor, console, (first, last))
         finally:
             context.try_shutdown()
@@ -97,10 +101,11 @@ def _publish(
     return published
 
 
-def _wait(executor: Executor, until: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE
+def _spin(executor: Executor, until: Callable[[], bool], timeout: float) -> bool:
+    deadline = time.monotonic() + timeout
     while not until():
         interruption.check()
         if time.monotonic() > deadline:
-            raise TeamError(f"the view does not listen after {PATIENCE:g} s")
+            return False
         executor.spin_once(timeout_sec=0.1)
+    return True

@@ -15,12 +15,14 @@ from mcap_ros2.decoder import DecoderFactory
 from nav_msgs.msg import OccupancyGrid
 from rclpy.executors import SingleThreadedExecutor
 from rosbags.highlevel import AnyReader
+from std_msgs.msg import Empty
 
 from magat_bringup.analysis import TeamRecording
 from magat_bringup.bag import BagError, bag_files, read_bag, recover
 from magat_bringup.cli import main
 from magat_bringup.environment import loopback, own_domain
 from magat_bringup.processes import TeamError
+from magat_bringup.topics import READY
 from magat_interfaces.msg import World
 from magat_node import qos
 from magat_training.cases import SPLITS
@@ -177,21 +179,18 @@ def test_a_running_team_is_joined_and_what_it_does_from_then_on_is_recorded(star
     with start_team(3) as team:
         team.run(team.goal(CASE))
         recorder = magat("record", bag, environment=team.environment)
-        listens = ("/world", "/feature", "/preference", *(f"/robot_{i}/observation" for i in range(3)))
-
-        def joined() -> bool:
-            node = team.client.node
-            ears = [node.get_subscriptions_info_by_topic(topic) for topic in listens]
-            return all("recorder_ears" in {end.node_name for end in ends} for ends in ears)
-
-        assert team.client.spin(joined, 40.0)
-        # The team may take a moment longer than this node to see the recorder; then there is nothing more to miss.
-        episodes = [team.run(team.goal(CASE)).result.episode for _ in range(3)]
+        ready: list[Empty] = []
+        team.client.node.create_subscription(Empty, READY, ready.append, qos.latched(1))
+        deadline = time.monotonic() + 60
+        while not ready:
+            assert time.monotonic() < deadline, "it does not hear the whole team"
+            team.run(team.goal(CASE))
+        episode = team.run(team.goal(CASE)).result.episode
         recorder.send_signal(signal.SIGINT)
         said_by(recorder, timeout=20)
     recording = TeamRecording(bag)
     assert recording.names == ["robot_0", "robot_1", "robot_2"]
-    assert recording.episodes.id.tolist()[-1] == episodes[-1]
+    assert recording.episodes.id.tolist()[-1] == episode
     assert len(recording.lost[recording.lost.episode == recording.episodes.episode.max()]) == 0
 
 

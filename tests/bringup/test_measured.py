@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from magat_bringup import cli, evaluation, measured
+from magat_bringup import cli, evaluation, execution, measured
 from magat_bringup.measured import MEASURES, keep, markdown, measure, read, stale, table
 from magat_bringup.sets import STANDARD_SETS, StandardSet
 from magat_robot.policy.config import ModelError
@@ -208,7 +208,7 @@ def test_the_table_puts_policies_side_by_side_on_each_set() -> None:
 
 
 def test_the_command_measures_and_prints(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
-    monkeypatch.setattr(cli, "STANDARD_SETS", SETS)
+    monkeypatch.setattr(execution, "STANDARD_SETS", SETS)
     assert cli.main(["measure", "--policy", str(folder), "--cases", "4"]) == 0
     assert [(one["width"], one["cases"]) for one in read(folder)] == [(8, 4), (9, 3)]
     output = capsys.readouterr().out

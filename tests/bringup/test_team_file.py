@@ -272,7 +272,7 @@ def test_magat_run_and_the_launch_file_start_the_same(team_file, params, tmp_pat
     options = [part for name, value in chosen.items() for part in (f"--{name.replace('_', '-')}", value)]
     with (
         mock.patch.dict(os.environ),
-        mock.patch("magat_bringup.cli._exported", return_value=find_policy(POLICY) / "onnx"),
+        mock.patch("magat_bringup.execution._exported", return_value=find_policy(POLICY) / "onnx"),
         mock.patch("magat_bringup.run.TeamProcesses", side_effect=NotStartedError) as processes,
         pytest.raises(NotStartedError),
     ):

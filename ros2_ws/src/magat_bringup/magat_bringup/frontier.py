@@ -1,7 +1,6 @@
 """``magat frontier``: what success costs in flowtime, over sampling temperatures, as a table, a file and a picture."""
 
 import csv
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from magat_bringup.evaluation import Setting, evaluate_policy, set_name
-from magat_bringup.measured import Report
+from magat_bringup.measured import Report, half_width
 from magat_bringup.record import INK, robot_colour, tint
 from magat_robot.policy.config import PolicyConfig
 from magat_robot.policy.store import load
@@ -178,8 +177,3 @@ def draw(reports: Mapping[str, Sequence[Report]], path: Path) -> None:
 def _title(reports: Mapping[str, Sequence[Report]]) -> str:
     first = next(point for points in reports.values() for point in points)
     return f"alpha against delta_FT on {first['cases']} cases of {set_name(first)}, numbers from {first['first_case']}"
-
-
-def half_width(point: Report) -> float:
-    """Of delta_FT's interval; 0 where one case gives none."""
-    return 0.0 if math.isnan(point["delta_ft_half_width"]) else point["delta_ft_half_width"]

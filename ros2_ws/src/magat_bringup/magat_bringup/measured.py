@@ -6,6 +6,7 @@ by their digest: once a folder has other weights, its reports are stale, and are
 
 import itertools
 import json
+import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -123,7 +124,7 @@ def markdown(reports: Iterable[Report], digest: str) -> str:
     ]
     for report in reports:
         strict = (f"{report['alpha_strict']:.3f}", f"{report['delta_ft_strict']:.3f}")
-        measures = (_stale_note(report), *[""] * 4) if stale(report, digest) else (*_measures(report), *strict)
+        measures = (_stale_note(report), *[""] * 4) if stale(report, digest) else (*measure_cells(report), *strict)
         rows.append((set_name(report), str(report["cases"]), f"{report['temperature']:g}", *measures))
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
@@ -142,7 +143,7 @@ def table(entries: Iterable[tuple[str, str, Report]]) -> Table:
         for place, (name, digest, report) in enumerate(group):
             if place == 0:
                 result.add_row(f"[bold]{set_name(report)}[/]")
-            measures = (f"[red]{_stale_note(report)}[/]",) if stale(report, digest) else _measures(report)
+            measures = (f"[red]{_stale_note(report)}[/]",) if stale(report, digest) else measure_cells(report)
             result.add_row(f"  {escape(name)}", str(report["cases"]), f"{report['temperature']:g}", *measures)
     return result
 
@@ -151,13 +152,19 @@ def _stale_note(report: Report) -> str:
     return f"stale, of {report['digest'][:DIGITS]}"
 
 
-def _measures(report: Report) -> tuple[str, ...]:
+def measure_cells(report: Report) -> tuple[str, ...]:
+    """alpha, delta_FT and p_rg with their intervals, for a table."""
     low, high = report["alpha_interval"]
     return (
         f"{report['alpha']:.3f} ({low:.3f} to {high:.3f})",
-        f"{report['delta_ft']:.3f} ± {report['delta_ft_half_width']:.3f}",
+        f"{report['delta_ft']:.3f} ± {half_width(report):.3f}",
         f"{report['p_rg']:.4f}",
     )
+
+
+def half_width(point: Report) -> float:
+    """Of delta_FT's interval; 0 where one case gives none."""
+    return 0.0 if math.isnan(point["delta_ft_half_width"]) else point["delta_ft_half_width"]
 
 
 def _values(report: Report, names: Sequence[str]) -> tuple[Any, ...]:

@@ -18,8 +18,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from magat_bringup.evaluation import DEFAULT_SETTING, Setting, evaluate_baseline, evaluate_policy, set_name
-from magat_bringup.frontier import DASHES, MARKERS, half_width, write_csv
-from magat_bringup.measured import Report
+from magat_bringup.frontier import DASHES, MARKERS, write_csv
+from magat_bringup.measured import Report, half_width, measure_cells
 from magat_bringup.record import INK, robot_colour, tint
 from magat_bringup.sets import TEST_SETS, StandardSet
 from magat_node import cdr
@@ -334,15 +334,6 @@ def bytes_per_step(folder: Path, encoding: str) -> int:
 # --- Tables and pictures ---
 
 
-def _measures(report: Report) -> tuple[str, ...]:
-    low, high = report["alpha_interval"]
-    return (
-        f"{report['alpha']:.3f} ({low:.3f} to {high:.3f})",
-        f"{report['delta_ft']:.3f} ± {half_width(report):.3f}",
-        f"{report['p_rg']:.4f}",
-    )
-
-
 _MEASURES = ("cases", "alpha", "delta_FT", "p_rg")
 
 
@@ -350,7 +341,7 @@ def _loss_rows(reports: Sequence[Report]) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = [("map (robots)", "policy", "lost", *_MEASURES)]
     for report in reports:
         named = (set_name(report), report["policy"], f"{report['link_loss']:g}", str(report["cases"]))
-        rows.append((*named, *_measures(report)))
+        rows.append((*named, *measure_cells(report)))
     return rows
 
 
@@ -359,7 +350,7 @@ def _encoding_rows(policies: Mapping[str, Path], reports: Sequence[Report]) -> l
     for report in reports:
         size = bytes_per_step(policies[report["policy"]], report["encoding"])
         named = (set_name(report), report["policy"], report["encoding"], str(size), str(report["cases"]))
-        rows.append((*named, *_measures(report)))
+        rows.append((*named, *measure_cells(report)))
     return rows
 
 
@@ -368,7 +359,7 @@ def _set_rows(reports: Sequence[Report]) -> list[tuple[str, ...]]:
     for report in reports:
         named = (set_name(report), report["policy"], report["shield"], str(report["cases"]))
         paper = PAPER.get((report["policy"], set_name(report)), "") if report["shield"] == "idle" else ""
-        rows.append((*named, *_measures(report), paper))
+        rows.append((*named, *measure_cells(report), paper))
     return rows
 
 

@@ -67,20 +67,42 @@ def walk_measures(
         moves_blocked: moves that robots drew and the shield did not let them make.
         expert_flowtime: FT*; None without an expert's solution.
     """
-    visited, there = on_goal.any(axis=0), on_goal[-1]
-    success = bool(visited.all())
+    first = np.where(on_goal.any(axis=0), first_visits(on_goal), -1)
+    last = np.where(on_goal[-1], last_arrivals(on_goal), -1)
+    strict = bool(on_goal.all(axis=1).any())
+    return episode_measures(first, last, strict, t_max, len(on_goal) - 1, moves_blocked, expert_flowtime)
+
+
+def episode_measures(
+    first: IntArray,
+    last: IntArray,
+    strict: bool,
+    t_max: int,
+    ticks: int,
+    moves_blocked: int,
+    expert_flowtime: Flowtime | None,
+) -> EpisodeMeasures:
+    """The measures of an episode.
+
+    Args:
+        first: ``[N]`` steps until each robot's first visit to its goal; -1 for one that never came there.
+        last: ``[N]`` steps until its last arrival; -1 for one that is not there at the end.
+        strict: all robots stood on their goals at one instant.
+        t_max: steps that the episode could take.
+        ticks: steps that it took.
+        moves_blocked: moves that robots drew and the shield did not let them make.
+        expert_flowtime: FT*; None without an expert's solution.
+    """
+    success = bool((first >= 0).all())
     return EpisodeMeasures(
         success=success,
-        success_strict=bool(on_goal.all(axis=1).any()),
-        p_rg=float(visited.mean()),
-        flowtime=Flowtime(
-            int(np.where(visited, first_visits(on_goal), t_max).sum()),
-            int(np.where(there, last_arrivals(on_goal), t_max).sum()),
-        ),
+        success_strict=strict,
+        p_rg=float((first >= 0).mean()),
+        flowtime=Flowtime(int(np.where(first >= 0, first, t_max).sum()), int(np.where(last >= 0, last, t_max).sum())),
         expert_flowtime=expert_flowtime,
-        makespan=int(first_visits(on_goal).max()) if success else t_max,
+        makespan=int(first.max()) if success else t_max,
         t_max=t_max,
-        ticks=len(on_goal) - 1,
+        ticks=ticks,
         moves_blocked=moves_blocked,
     )
 

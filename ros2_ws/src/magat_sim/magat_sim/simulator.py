@@ -10,7 +10,7 @@ from magat_sim.case import Case
 from magat_sim.episode import EpisodeStreams
 from magat_sim.field_of_view import RADIUS, Uint8Array, field_of_view, pad
 from magat_sim.grid import DELTAS, BoolArray, IntArray, Primitive
-from magat_sim.measures import EpisodeMeasures, Flowtime
+from magat_sim.measures import EpisodeMeasures, Flowtime, episode_measures
 from magat_sim.radio import neighbours, without_lost
 from magat_sim.shield import NOBODY, SHIELDS, Scene, blocked
 
@@ -231,21 +231,14 @@ class Simulator:
 
     def _measures_of(self, world: int, best: Flowtime | None) -> EpisodeMeasures:
         here = self.world == world
-        t_max = int(self.t_max[world])
-        first, last = self._first_visit[here], self._arrival[here]
-        success = bool((first >= 0).all())
-        return EpisodeMeasures(
-            success=success,
-            success_strict=bool(self._strict[world]),
-            p_rg=float((first >= 0).mean()),
-            flowtime=Flowtime(
-                int(np.where(first >= 0, first, t_max).sum()), int(np.where(last >= 0, last, t_max).sum())
-            ),
-            expert_flowtime=best,
-            makespan=int(first.max()) if success else t_max,
-            t_max=t_max,
-            ticks=int(self._ticks[world]),
-            moves_blocked=int(self._blocked[world]),
+        return episode_measures(
+            self._first_visit[here],
+            self._arrival[here],
+            bool(self._strict[world]),
+            int(self.t_max[world]),
+            int(self._ticks[world]),
+            int(self._blocked[world]),
+            best,
         )
 
     def _account(self, robots: IntArray) -> None:

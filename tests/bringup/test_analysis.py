@@ -3,7 +3,7 @@
 import json
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -55,6 +55,7 @@ def simulate(random_case, tmp_path) -> Callable[..., Simulated]:
         lose: Callable[[str, int, int], bool] = lambda kind, tick, robot: False,
         silent: tuple[int, int] | None = None,
         deaf: tuple[int, int] | None = None,
+        digests: Sequence[str] = ("d" * 64,),
     ) -> Simulated:
         """``lose(kind, tick, robot)``: not in the bag; ``silent``, ``deaf``: tick and robot."""
         bag = tmp_path / "bag"
@@ -62,8 +63,9 @@ def simulate(random_case, tmp_path) -> Callable[..., Simulated]:
         with BagWriter(bag) as writer:
             for topic in team_topics(NAMES, relayed):
                 writer.add_topic(described(topic, topic.name if topic.name.startswith("/") else f"/{topic.name}"))
-            status = RobotStatus(robots=NAMES, policy=policy.config.name, digest="d" * 64, encoding=encoding)
-            writer.write("/robot_status", serialize_message(status), STEP, STEP)
+            for digest in digests:
+                status = RobotStatus(robots=NAMES, policy=policy.config.name, digest=digest, encoding=encoding)
+                writer.write("/robot_status", serialize_message(status), STEP, STEP)
             for number in range(episodes):
                 case = random_case(np.random.default_rng(number), 10, 9, len(NAMES), 0.1)
                 episode = Episode(case, t_max, episode_streams(5, number, len(NAMES)))
@@ -394,6 +396,13 @@ def test_an_analyst_needs_no_ros():
     loaded = {name.partition(".")[0] for name in done.stdout.split()}
     assert "magat_bringup" in loaded
     assert not loaded & {"rclpy", "magat_interfaces", "magat_node"}
+
+
+def test_of_several_policies_that_were_carried_all_are_named(simulate, small_policy):
+    made = simulate(small_policy(), digests=["d" * 64, "e" * 64, "d" * 64])
+    findings = analyze(made.bag, None, Console(quiet=True))
+    assert "carried MAGAT-F-16 (dddddddddddd), MAGAT-F-16 (eeeeeeeeeeee): record each for itself" in findings.why
+    assert findings.policy is None
 
 
 def test_the_report_is_plain_json_and_pictures_and_tables_are_written(simulate, small_policy, tmp_path):

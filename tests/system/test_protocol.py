@@ -16,6 +16,7 @@ pytestmark = pytest.mark.system
 
 PAGE = (Path(__file__).parents[2] / "docs" / "protocol.md").read_text()
 RELIABILITY = {"best effort": QoSReliabilityPolicy.BEST_EFFORT, "reliable": QoSReliabilityPolicy.RELIABLE}
+DURABILITY = {"": QoSDurabilityPolicy.VOLATILE, "latched": QoSDurabilityPolicy.TRANSIENT_LOCAL}
 
 
 def rows(heading: str, head: str = "") -> list[list[str]]:
@@ -58,8 +59,9 @@ def test_topics_have_the_types_and_reliability_of_the_page(team_of, radio, row):
     assert found() == (speak, listen)
     for end in node.get_publishers_info_by_topic(topic):
         assert end.topic_type == kind
-        assert end.qos_profile.reliability == RELIABILITY[reliability]
-        assert end.qos_profile.durability == QoSDurabilityPolicy.VOLATILE
+        reliable, _, latched = reliability.partition(", ")
+        assert end.qos_profile.reliability == RELIABILITY[reliable]
+        assert end.qos_profile.durability == DURABILITY[latched]
 
 
 def test_services_and_actions_are_those_of_the_page(team):

@@ -89,6 +89,8 @@ class TeamRecording:
         statuses = [message.message for message in self._messages if _kind(message) == "RobotStatus"]
         #: What robots said last of their policy, its digest, the encoding and the radio; None if they said nothing.
         self.equipment: Any = statuses[-1] if statuses else None
+        #: Names of the policies that were carried one after the other, by their digests.
+        self.policies: dict[str, str] = {status.digest: status.policy for status in statuses}
         team = worlds[0].topic.removesuffix("world")
         self._robot_of = {f"{team}{name}": robot for robot, name in enumerate(self.names)}
         for message in self._messages:

@@ -108,6 +108,9 @@ def _policy(recording: TeamRecording, name: str | None) -> tuple[Policy | None, 
         return load(find_policy(name)), ""
     if recording.equipment is None:
         return None, "the recording has no robot_status: name the policy by --policy"
+    if len(recording.policies) > 1:
+        several = ", ".join(f"{carried} ({digest[:12]})" for digest, carried in recording.policies.items())
+        return None, f"the robots carried {several}: record each for itself"
     digest = recording.equipment.digest
     folder = policy_of_digest(digest)
     if folder is None:

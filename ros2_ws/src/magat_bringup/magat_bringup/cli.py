@@ -3,7 +3,6 @@
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.markup import escape
@@ -20,9 +19,6 @@ from magat_sim.case import InvalidCaseError
 from magat_sim.shield import SHIELDS
 from magat_training.cases import SET_SEED, SPLITS
 from magat_training.data import DataSetError
-
-if TYPE_CHECKING:
-    pass
 
 #: Beyond it, a domain's ports are among those that systems hand out by themselves.
 LAST_DOMAIN = 101
@@ -115,7 +111,15 @@ def _parser() -> argparse.ArgumentParser:
     record = commands.add_parser("record", help="join a team that runs, and write all that it says to a rosbag2 folder")
     record.set_defaults(execute=execution.record_command)
     record.add_argument("folder", type=Path, help="of the bag; it must not be there yet")
-    record.add_argument("--namespace", help="of the team, such as /warehouse (default: that of the only one)")
+
+    deploy = commands.add_parser(
+        "deploy", help="send a policy to the robots of a team that runs: all switch between two episodes, or none does"
+    )
+    deploy.set_defaults(execute=execution.deploy_command)
+    deploy.add_argument("policy", help="name of a policy in models/, or its folder")
+
+    for joining in (record, deploy):
+        joining.add_argument("--namespace", help="of the team, such as /warehouse (default: that of the only one)")
 
     recover = commands.add_parser("recover", help="finish a bag whose recorder was killed, or save what is undamaged")
     recover.set_defaults(execute=execution.recover_command)
@@ -142,7 +146,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     replay.add_argument("--view", action="store_true", help="start a view, in place of what a recorded one published")
 
-    for joining in (record, replay):
+    for joining in (record, deploy, replay):
         joining.add_argument("--domain", type=_domain, help="ROS domain of the team (default: the environment's)")
         joining.add_argument(
             "--server",

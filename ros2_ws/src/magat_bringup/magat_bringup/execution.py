@@ -73,6 +73,14 @@ def record_command(options: argparse.Namespace, console: Console) -> int:
     return record(options.folder, options.namespace, console)
 
 
+def deploy_command(options: argparse.Namespace, console: Console) -> int:
+    from magat_bringup.deploy import deploy
+
+    _join(options.domain, options.server)
+    deploy(find_policy(options.policy), options.namespace, console)
+    return 0
+
+
 def recover_command(options: argparse.Namespace, console: Console) -> int:
     from magat_bringup.bag import recover
 

@@ -1,18 +1,15 @@
-"""``magat record``: finds a team that runs, and records it until it is told to end."""
+"""Finding a team that runs; ``magat record``, which records it until it is told to end."""
 
 from pathlib import Path
 from typing import NamedTuple
 
-import rclpy
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.signals import SignalHandlerOptions
 from rich.console import Console
 
-from magat_bringup import interruption
 from magat_bringup.processes import TeamError
 from magat_bringup.recorder import RecorderNode
+from magat_bringup.visitor import Visitor
 from magat_interfaces.msg import FeatureBundle, Observation, World
 from magat_node.run import run_node
 
@@ -40,7 +37,7 @@ def record(folder: Path, namespace: str | None, console: Console) -> int:
         TeamError: there is no team, or more than one and no ``namespace``.
     """
     with console.status("looking for a team"):
-        team = _find(namespace)
+        team = find_team(namespace)
     with console.status("") as status:
 
         def create() -> Node:
@@ -58,32 +55,28 @@ def record(folder: Path, namespace: str | None, console: Console) -> int:
         return run_node("recorder", create, [])
 
 
-def _find(namespace: str | None) -> Found:
-    """The team whose simulator runs in ``namespace``, or anywhere."""
-    context = rclpy.Context()
-    rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node("looking", context=context)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
-    try:
-        deadline = node.get_clock().now().nanoseconds + PATIENCE * 1e9
-        while node.get_clock().now().nanoseconds < deadline:
-            interruption.check()
-            executor.spin_once(timeout_sec=0.2)
-            teams = [team for team in _teams(node) if namespace in (None, team.namespace)]
-            if len(teams) > 1:
-                names = ", ".join(team.namespace for team in teams)
-                raise TeamError(f"there are teams in {names}: choose one by --namespace")
-            if teams:
-                return teams[0]
-    finally:
-        executor.shutdown()
-        node.destroy_node()
-        context.try_shutdown()
-    raise TeamError(
-        f"no simulator after {PATIENCE:g} s: start a team first, and name its ROS domain by --domain, or as in the "
-        "team's own shell"
-    )
+def find_team(namespace: str | None) -> Found:
+    """The team whose simulator runs in ``namespace``, or anywhere.
+
+    Raises:
+        TeamError: there is none, or more than one and no ``namespace``.
+    """
+    found: list[Found] = []
+
+    def look() -> bool:
+        found[:] = [team for team in _teams(visitor.node) if namespace in (None, team.namespace)]
+        return bool(found)
+
+    with Visitor("looking") as visitor:
+        visitor.spin(look, PATIENCE)
+    if len(found) > 1:
+        raise TeamError(f"there are teams in {', '.join(t.namespace for t in found)}: choose one by --namespace")
+    if not found:
+        raise TeamError(
+            f"no simulator after {PATIENCE:g} s: start a team first, and name its ROS domain by --domain, or as in the "
+            "team's own shell"
+        )
+    return found[0]
 
 
 def _teams(node: Node) -> list[Found]:

@@ -14,7 +14,7 @@ from rclpy.qos import QoSProfile
 from visualization_msgs.msg import MarkerArray
 
 from magat_bringup.bag import Topic
-from magat_interfaces.msg import Feature, FeatureBundle, Observation, Preference, RobotStatus, World
+from magat_interfaces.msg import Deployment, Feature, FeatureBundle, Observation, Preference, RobotStatus, World
 from magat_node import qos
 from magat_sim.view import TFMessage
 
@@ -66,6 +66,7 @@ def team_topics(robots: list[str], relayed: bool) -> list[TeamTopic]:
         TeamTopic("preference", Preference, qos.newest(SHARED_DEPTH)),
         TeamTopic("feature", Feature, qos.newest(SHARED_DEPTH)),
         *shown_topics(),
+        TeamTopic("deployment", Deployment, qos.latched(1)),
         *(TeamTopic(f"{robot}/observation", Observation, qos.newest(OWN_DEPTH)) for robot in robots),
     ]
 

@@ -1,9 +1,11 @@
-"""Services that answer later."""
+"""Services and actions that answer later."""
 
 from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from rclpy.action import ActionServer
+from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
 
 
@@ -30,3 +32,30 @@ def create_deferred_service(
         handle(request, partial(send, header=header))
 
     service.send_response = begin
+
+
+class DeferredActionServer(ActionServer):
+    """An action server whose goals are ended by events to come.
+
+    rclpy runs a goal in a callback, and one that awaits keeps an EventsExecutor busy. Here the callback starts the work
+    and returns; `finish` ends the goal when the result is there.
+    """
+
+    def __init__(
+        self, node: Node, action_type: type, name: str, start: Callable[[ServerGoalHandle], None], **options: object
+    ) -> None:
+        super().__init__(node, action_type, name, lambda goal: None, **options)
+        self._start = start
+
+    def notify_execute(self, goal_handle: ServerGoalHandle, execute_callback: object) -> None:
+        """Called by rclpy when the goal has begun to execute."""
+        self._start(goal_handle)
+
+    def finish(self, goal_handle: ServerGoalHandle, end: Callable[[], None], result: object) -> None:
+        """End the goal by ``end`` (one of its succeed, abort and canceled) and send ``result``."""
+
+        def execute(_: ServerGoalHandle) -> object:
+            end()
+            return result
+
+        super().notify_execute(goal_handle, execute)

@@ -18,9 +18,9 @@ def declare_share(node: Node, name: str, default: float, meaning: str) -> float:
     return _declare(node, name, default, ParameterDescriptor(description=meaning, floating_point_range=[span]))
 
 
-def declare_count(node: Node, name: str, default: int, meaning: str, at_most: int) -> int:
-    """Declare a number from 1 to ``at_most`` and return its value."""
-    span = IntegerRange(from_value=1, to_value=at_most)
+def declare_count(node: Node, name: str, default: int, meaning: str, at_most: int, at_least: int = 1) -> int:
+    """Declare a number from ``at_least`` to ``at_most`` and return its value."""
+    span = IntegerRange(from_value=at_least, to_value=at_most)
     return _declare(node, name, default, ParameterDescriptor(description=meaning, integer_range=[span]))
 
 

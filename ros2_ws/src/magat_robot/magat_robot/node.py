@@ -10,14 +10,14 @@ from pathlib import Path
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
-from magat_interfaces.msg import Feature, FeatureBundle, Observation, Preference, RobotStatus
+from magat_interfaces.msg import Deployment, Feature, FeatureBundle, Observation, Preference, RobotStatus
 from magat_node import cdr, qos
 from magat_node.parameters import declare_choice, declare_count, declare_seconds, declare_value
 from magat_node.run import run_node
+from magat_robot.carried import Carried
 from magat_robot.crew import Answer, Crew, Message, Sight
-from magat_robot.policy.config import ENCODINGS, ModelError
+from magat_robot.policy.config import ENCODINGS, MAX_SIZE, ModelError
 from magat_robot.policy.deployment import BACKENDS, load_policy
-from magat_robot.policy.interface import RobotPolicy
 from magat_robot.policy.payload import encoded_bytes
 
 #: Seconds between two statuses while waiting, and between two hellos in a small team.
@@ -33,6 +33,8 @@ STATUS_EVERY = 10
 
 _COUNT = struct.Struct("<I")
 _MOST = 2**32 - 1
+#: More numbers than `magat_robot.policy.config.MAX_SIZE` no message has.
+_MOST_BYTES = 4 * MAX_SIZE
 
 
 class RobotNode(LifecycleNode):
@@ -62,6 +64,14 @@ class RobotNode(LifecycleNode):
         self._feature_deadline = declare_seconds(
             self, "feature_deadline", 0.25, "wait so long in a tick, in all its rounds, for neighbours' messages"
         )
+        self._max_payload = declare_count(
+            self,
+            "max_payload",
+            0,
+            "bytes that a policy may send in a message; as many as the first one if 0",
+            _MOST_BYTES,
+            0,
+        )
         team_size = declare_count(self, "team_size", 32, "robots in the team, for the queues of shared topics", 10_000)
         names = declare_value(self, "robots", [""], "robots of this process; the one that the namespace names if empty")
         autostart = declare_value(
@@ -81,7 +91,7 @@ class RobotNode(LifecycleNode):
         processes = team_size / len(self.robots)
         self._hello_every = max(1, math.ceil(processes / HELLO_PROCESSES))
         self._problem: str | None = None
-        self._policy: RobotPolicy | None = None
+        self._carried: Carried | None = None
         self._nonce = secrets.randbits(64)
         if autostart:
             for trigger in (self.trigger_configure, self.trigger_activate):
@@ -95,7 +105,8 @@ class RobotNode(LifecycleNode):
         try:
             if not self._folder:
                 raise ModelError("no policy given: start the robot with -p policy:=FOLDER")
-            self._policy = load_policy(Path(self._folder), self._backend, **self._changes)
+            policy = load_policy(Path(self._folder), self._backend, **self._changes)
+            self._carried = Carried(policy, self._backend, self._max_payload)
         except ModelError as error:
             self._problem = str(error)
             self.get_logger().error(f"not configured: {error}")
@@ -104,16 +115,11 @@ class RobotNode(LifecycleNode):
 
     def on_activate(self, _: LifecycleState) -> TransitionCallbackReturn:
         """Take part in the team from now on."""
-        assert self._policy is not None
-        config = self._policy.config
-        self._encoding = ENCODINGS[config.encoding]
-        self._crew = Crew(self._policy, len(self.robots), self._on_send, self._on_answer, self._radio == "relayed")
         self._peers: dict[int, tuple[float, int]] = {}
         self._last_observed = -math.inf
-        self._sending: tuple[int, int, int] | None = None  # episode, tick, round
-        sizes = [encoded_bytes(size, config.encoding) for size in config.message_sizes]
-        self._feature_bytes = cdr.feature_bytes(sizes)
         self._ticks = self._beats = 0
+        self._deadline = self.create_timer(self._feature_deadline, self._on_deadline)
+        self._carry()
 
         team, depth = self._team, self._depth
         self._send_feature = self.create_publisher(Feature, f"{team}/feature", qos.newest(depth))
@@ -121,7 +127,9 @@ class RobotNode(LifecycleNode):
         self._send_status = self.create_publisher(RobotStatus, f"{team}/robot_status", qos.reliable(depth))
         self._talking = [self._send_feature, self._send_preference, self._send_status]
         # One-argument callbacks: what the middleware knows of a message's origin is never asked for.
-        self._listening = []
+        self._listening = [
+            self.create_subscription(Deployment, f"{team}/deployment", self._on_deployment, qos.latched(1))
+        ]
         if self._radio == "direct":
             hear_all = self._on_feature
             self._listening.append(
@@ -134,9 +142,6 @@ class RobotNode(LifecycleNode):
             if self._radio == "relayed":
                 hear, topic = functools.partial(self._on_bundle, number), f"{team}/{name}/heard"
                 self._listening.append(self.create_subscription(FeatureBundle, topic, hear, qos.newest(8), raw=True))
-        # A tick takes no longer with many rounds than with one.
-        self._deadline = self.create_timer(self._feature_deadline / len(sizes), self._on_deadline)
-        self._deadline.cancel()
         self._beat = self.create_timer(HELLO_PERIOD, self._on_beat)
         return TransitionCallbackReturn.SUCCESS
 
@@ -152,8 +157,43 @@ class RobotNode(LifecycleNode):
 
     def on_cleanup(self, _: LifecycleState) -> TransitionCallbackReturn:
         """Put the policy away."""
-        self._policy = None
+        self._carried = None
         return TransitionCallbackReturn.SUCCESS
+
+    # --- The policy ---
+
+    def _carry(self) -> None:
+        """Begin anew, with the policy that is carried now."""
+        assert self._carried is not None
+        policy = self._carried.policy
+        self._encoding = ENCODINGS[policy.config.encoding]
+        sizes = [encoded_bytes(size, policy.config.encoding) for size in policy.config.message_sizes]
+        self._feature_bytes = cdr.feature_bytes(sizes)
+        self._crew = Crew(policy, len(self.robots), self._on_send, self._on_answer, self._radio == "relayed")
+        self._sending: tuple[int, int, int] | None = None  # episode, tick, round
+        # A tick takes no longer with many rounds than with one.
+        self._deadline.timer_period_ns = int(1e9 * self._feature_deadline / len(sizes))
+        self._deadline.cancel()
+
+    def _on_deployment(self, message: Deployment) -> None:
+        assert self._carried is not None
+        number = message.deployment
+        if message.order == Deployment.ROLL_BACK:
+            changed = self._carried.roll_back(number)
+        else:
+            files = {file.name: file.data.tobytes() for file in message.files}
+            self._carried.prepare(number, message.digest, files)
+            changed = message.order == Deployment.SWITCH and self._carried.switch(number)
+        if changed:
+            self._carry()
+            self.get_logger().info(f"carries {self._policy_named()} from now on")
+        elif self._carried.refusal:
+            self.get_logger().warning(f"does not carry what is deployed: {self._carried.refusal}")
+        self._say_status()
+
+    def _policy_named(self) -> str:
+        assert self._carried is not None
+        return f"{self._carried.policy.config.name} ({self._carried.policy.digest[:12]})"
 
     # --- A tick: look, send, hear, decide ---
 
@@ -222,34 +262,44 @@ class RobotNode(LifecycleNode):
     # --- Between episodes: who is there ---
 
     def _on_beat(self) -> None:
-        assert self._policy is not None
         now = time.monotonic()
-        waiting = now - self._last_observed > SILENCE
-        if waiting and self._radio == "direct" and self._beats % self._hello_every == 0:
+        if self._waiting and self._radio == "direct" and self._beats % self._hello_every == 0:
             hello = cdr.pack_feature(0, Observation.HELLO, 0, self._nonce, 0, _COUNT.pack(len(self.robots)))
             self._send_feature.publish(hello)
         valid = HELLO_PERIOD * self._hello_every * HELLO_VALID
         self._peers = {nonce: peer for nonce, peer in self._peers.items() if now - peer[0] < valid}
-        peers = len(self.robots) - 1 + sum(count for _, count in self._peers.values())
         self._beats += 1
-        if waiting or self._beats % STATUS_EVERY == 0:
-            exchange = self._crew.exchange
-            self._send_status.publish(
-                RobotStatus(
-                    robots=self.robots,
-                    state=RobotStatus.WAITING if waiting else RobotStatus.RUNNING,
-                    policy=self._policy.config.name,
-                    digest=self._policy.digest,
-                    encoding=self._policy.config.encoding,
-                    radio=self._radio,
-                    rounds=len(exchange.sizes),
-                    peers_heard=min(peers, _MOST),  # a stranger may count to any number
-                    ticks=min(self._ticks, _MOST),
-                    features_missing=min(self._crew.missing, _MOST),
-                    messages_dropped=min(exchange.dropped, _MOST),
-                    last_drop=exchange.last_drop,
-                )
+        if self._waiting or self._beats % STATUS_EVERY == 0:
+            self._say_status()
+
+    @property
+    def _waiting(self) -> bool:
+        return time.monotonic() - self._last_observed > SILENCE
+
+    def _say_status(self) -> None:
+        assert self._carried is not None
+        carried, exchange = self._carried, self._crew.exchange
+        peers = len(self.robots) - 1 + sum(count for _, count in self._peers.values())
+        self._send_status.publish(
+            RobotStatus(
+                robots=self.robots,
+                state=RobotStatus.WAITING if self._waiting else RobotStatus.RUNNING,
+                policy=carried.policy.config.name,
+                digest=carried.policy.digest,
+                encoding=carried.policy.config.encoding,
+                radio=self._radio,
+                rounds=len(exchange.sizes),
+                max_payload=carried.max_payload,
+                deployment=carried.deployment,
+                prepared=carried.prepared,
+                refusal=carried.refusal,
+                peers_heard=min(peers, _MOST),  # a stranger may count to any number
+                ticks=min(self._ticks, _MOST),
+                features_missing=min(self._crew.missing, _MOST),
+                messages_dropped=min(exchange.dropped, _MOST),
+                last_drop=exchange.last_drop,
             )
+        )
 
 
 def main(args: list[str] | None = None) -> int:

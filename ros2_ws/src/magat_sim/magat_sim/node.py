@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action import CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -17,9 +17,11 @@ from magat_interfaces.action import RunEpisode
 from magat_interfaces.msg import Feature, FeatureBundle, Observation, Preference, RobotStatus, World
 from magat_interfaces.srv import SolveMapf
 from magat_node import cdr, qos
+from magat_node.deferred import DeferredActionServer
 from magat_node.parameters import declare_choice, declare_seconds, declare_share, declare_value
 from magat_node.run import run_node
 from magat_sim.case import Case, InvalidCaseError, draw_case, make_case
+from magat_sim.deployment_server import DeploymentServer
 from magat_sim.episode import episode_streams
 from magat_sim.measures import T_MAX_FACTOR, Flowtime, expert_flowtime
 from magat_sim.shield import SHIELDS
@@ -31,33 +33,6 @@ from magat_sim.ticks import Episode, Outcome, Wish
 HELLO_PERIOD = 0.2
 #: The expert's answer may take so long beyond its search, seconds.
 EXPERT_GRACE = 2.0
-
-
-class DeferredActionServer(ActionServer):
-    """An action server whose goals are ended by events to come.
-
-    rclpy runs a goal in a callback, and one that awaits keeps an EventsExecutor busy. Here the callback starts the work
-    and returns; `finish` ends the goal when the result is there.
-    """
-
-    def __init__(
-        self, node: Node, action_type: type, name: str, start: Callable[[ServerGoalHandle], None], **options: object
-    ) -> None:
-        super().__init__(node, action_type, name, lambda goal: None, **options)
-        self._start = start
-
-    def notify_execute(self, goal_handle: ServerGoalHandle, execute_callback: object) -> None:
-        """Called by rclpy when the goal has begun to execute."""
-        self._start(goal_handle)
-
-    def finish(self, goal_handle: ServerGoalHandle, end: Callable[[], None], result: object) -> None:
-        """End the goal by ``end`` (one of its succeed, abort and canceled) and send ``result``."""
-
-        def execute(_: ServerGoalHandle) -> object:
-            end()
-            return result
-
-        super().notify_execute(goal_handle, execute)
 
 
 class SimulatorNode(Node):
@@ -111,6 +86,7 @@ class SimulatorNode(Node):
         self._send_world = self.create_publisher(World, "world", qos.reliable(100))
         self.create_subscription(Preference, "preference", self._on_preference, qos.newest(depth))
         self.create_subscription(RobotStatus, "robot_status", self._on_status, qos.reliable(depth))
+        self._deployments = DeploymentServer(self, list(names))
         self._solve = self.create_client(SolveMapf, "solve_mapf")
         self._action = DeferredActionServer(
             self,
@@ -129,10 +105,11 @@ class SimulatorNode(Node):
     # --- The team ---
 
     def _on_beat(self) -> None:
-        """Say hello to who is missing; go on with an episode that waits for them."""
+        """Say hello to who is missing; go on with a deployment, or with an episode that waits for it or for robots."""
         for member, publisher in zip(self._team.members, self._send, strict=True):
             if not member.joined:
                 publisher.publish(Observation(tick=Observation.HELLO, own_tag=member.nonce))
+        self._deployments.beat(self._episode is None and self._search is None)
         if self._gathering:
             self._gather()
         elif self._search is not None:
@@ -143,6 +120,7 @@ class SimulatorNode(Node):
         for name in message.robots:
             if name in self._team.by_name:
                 self._team.by_name[name].reported(time.monotonic(), message.peers_heard, equipment)
+        self._deployments.reported(message)
 
     # --- An episode: begin, gather, ask the expert ---
 
@@ -180,6 +158,10 @@ class SimulatorNode(Node):
         assert goal is not None
         if goal.is_cancel_requested:
             self._finish(goal.canceled, "cancelled")
+            return
+        if self._deployments.busy:
+            self._begun = now
+            self._feed_back(0, 0)
             return
         missing = self._team.gather(now)
         expert = self._solve.service_is_ready() or goal.request.t_max > 0

@@ -12,10 +12,10 @@ from torch import Tensor, nn
 
 from magat_robot.policy import fixed_point as fp
 from magat_robot.policy.config import OBSERVATION_SHAPE, ModelError
+from magat_robot.policy.folder import EXPORT
 from magat_robot.policy.network import PolicyNetwork, Thought, deploy
 from magat_robot.policy.onnx_policy import (
     CONTENTS,
-    EXPORT,
     GIVEN,
     MESSAGE,
     MESSAGES,

@@ -2,11 +2,16 @@
 
 import hashlib
 import json
+import re
+from collections.abc import Mapping
 from pathlib import Path
 
 from magat_robot.policy.config import ModelError, PolicyConfig
 
 WEIGHTS, CONFIG, CARD = "model.safetensors", "config.json", "card.md"
+#: Folder of the exported policy (`magat_robot.policy.export`), in the policy's own.
+EXPORT = "onnx"
+_EXPORTED = re.compile(rf"{EXPORT}/\w[\w.]*")
 
 
 def read_folder(folder: Path) -> tuple[PolicyConfig, str, bytes]:
@@ -33,3 +38,29 @@ def read_folder(folder: Path) -> tuple[PolicyConfig, str, bytes]:
             f"{weights_file} is damaged or of another policy: its SHA-256 is {digest}, and {CONFIG} says {expected}"
         )
     return config, digest, data
+
+
+def read_files(folder: Path) -> dict[str, bytes]:
+    """What robots need of the policy in ``folder``: its files by their names, with that of a subfolder before.
+
+    Raises:
+        ModelError: it is no whole policy folder.
+    """
+    read_folder(folder)
+    export = sorted(file for file in (folder / EXPORT).glob("*") if file.is_file())
+    files = [folder / CONFIG, folder / WEIGHTS, *export]
+    return {file.relative_to(folder).as_posix(): file.read_bytes() for file in files}
+
+
+def write_files(files: Mapping[str, bytes], folder: Path) -> None:
+    """Write what `read_files` has read to ``folder``.
+
+    Raises:
+        ModelError: a name is none of a policy's file, as one that leads out of the folder.
+    """
+    for name in files:
+        if name not in (CONFIG, WEIGHTS) and not _EXPORTED.fullmatch(name):
+            raise ModelError(f"a policy folder has no file {name!r}: it has {CONFIG}, {WEIGHTS} and {EXPORT}/")
+    (folder / EXPORT).mkdir(parents=True, exist_ok=True)
+    for name, data in files.items():
+        (folder / name).write_bytes(data)

@@ -14,12 +14,12 @@ import numpy.typing as npt
 import onnxruntime
 
 from magat_robot.policy.config import OBSERVATION_SHAPE, ModelError
-from magat_robot.policy.folder import read_folder
+from magat_robot.policy.folder import EXPORT, read_folder
 from magat_robot.policy.interface import Decision, Encoding
 from magat_robot.policy.sampling import choose, uniform
 
-#: Folder of the exported policy, in the policy's own, and its table of contents.
-EXPORT, CONTENTS = "onnx", "contents.json"
+#: Table of contents of the exported policy.
+CONTENTS = "contents.json"
 #: What a session takes and gives besides the thought.
 VIEW, MESSAGE, MESSAGES, PRESENT, TEMPERATURE, RESULT = (
     "view",
@@ -57,10 +57,13 @@ class OnnxPolicy:
         self.config = config.deployed(**changes)
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
-        sessions = [
-            onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
-            for data in _read_export(folder, self.digest, part_names(len(config.message_sizes)))
-        ]
+        parts = _read_export(folder, self.digest, part_names(len(config.message_sizes)))
+        try:
+            sessions = [
+                onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"]) for data in parts
+            ]
+        except Exception as error:  # its own, which have nothing else in common
+            raise ModelError(f"onnxruntime cannot load {folder / EXPORT}: {error}") from error
         self._look, *self._hear, self._decide = sessions
 
     def encode(self, view: npt.NDArray[np.uint8]) -> Encoding:

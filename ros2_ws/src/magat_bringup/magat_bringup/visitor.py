@@ -1,0 +1,52 @@
+"""A node that joins a team for the time of one command."""
+
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from types import TracebackType
+from typing import Self
+
+import rclpy
+from rclpy.experimental import EventsExecutor
+from rclpy.signals import SignalHandlerOptions
+
+from magat_bringup import interruption
+
+
+class Visitor:
+    """In a ``with`` statement: a ``node`` of its own, in the environment's ROS domain, that works only in `spin`."""
+
+    def __init__(self, name: str, namespace: str = "/") -> None:
+        """Make the node ``name`` in ``namespace``."""
+        self._deferred = ExitStack()
+        self._deferred.enter_context(interruption.deferred())
+        self._context = rclpy.Context()
+        rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        self.node = rclpy.create_node(name, context=self._context, namespace=namespace)
+        self._executor = EventsExecutor(context=self._context)
+        self._executor.add_node(self.node)
+
+    def spin(self, until: Callable[[], bool], timeout: float = float("inf")) -> bool:
+        """Work until a condition holds; False if it does not within ``timeout`` seconds.
+
+        Raises:
+            KeyboardInterrupt: interrupted.
+        """
+        deadline = time.monotonic() + timeout
+        while not until():
+            interruption.check()
+            if time.monotonic() > deadline:
+                return False
+            self._executor.spin_once(timeout_sec=0.1)
+        return True
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._deferred.close()
+        self._executor.remove_node(self.node)
+        self.node.destroy_node()
+        self._context.try_shutdown()

@@ -5,10 +5,15 @@ import sys
 
 MODULES = [
     "magat_expert",
-    "magat_robot.exchange",
+    "magat_robot.carried",
+    "magat_robot.crew",
     "magat_robot.policy.store",
+    "magat_sim.deployment",
     "magat_sim.movingai",
+    "magat_sim.relay",
     "magat_sim.rollout",
+    "magat_sim.team",
+    "magat_sim.ticks",
     "magat_training.train",
 ]
 

@@ -13,6 +13,7 @@ from rich.console import Console
 
 from magat_bringup import cli, frontier, models
 from magat_bringup.evaluation import Setting, evaluate_policy
+from magat_bringup.report_files import write_csv
 from magat_robot.policy.config import ModelError
 from magat_robot.policy.store import WEIGHTS, save
 from magat_training.cases import SET_SEED, SPLITS
@@ -35,7 +36,8 @@ def point(temperature: float, alpha: float, delta_ft: float, **changes: Any) -> 
         "temperature": temperature, "alpha": alpha, "alpha_interval": (alpha - 0.1, min(1.0, alpha + 0.02)),
         "delta_ft": delta_ft, "delta_ft_half_width": 0.01, "p_rg": 0.9, "alpha_strict": 0.8, "delta_ft_strict": 0.3,
         "cases": 300, "unsolved_by_expert": 0, **SIZE, "seed": 1, "first_case": 21000, "shield": "idle",
-        "encoding": "float32", "link_loss": 0.0, "digest": "ab" * 32,
+        "encoding": "float32", "link_loss": 0.0, "digest": "ab" * 32, "bytes_per_step": 548, "makespan": 20.0,
+        "moves_blocked": 1.5, "stranded": {0: 270, 2: 30},
     } | changes  # fmt: skip
 
 
@@ -77,8 +79,8 @@ def test_a_damaged_policy_is_refused_before_any_work(
 
 
 def test_the_file_holds_a_row_a_point(tmp_path: Path) -> None:
-    reports = {"a, b": [point(0.5, 0.9, 0.1), point(1.0, 0.95, 0.2)], "c": [point(1.0, 0.5, 0.3)]}
-    frontier.write_csv(reports, tmp_path / "points.csv")
+    named = {"a, b": [point(0.5, 0.9, 0.1), point(1.0, 0.95, 0.2)], "c": [point(1.0, 0.5, 0.3)]}
+    write_csv([one | {"policy": name} for name, points in named.items() for one in points], tmp_path / "points.csv")
     with (tmp_path / "points.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [(row["policy"], float(row["temperature"])) for row in rows] == [("a, b", 0.5), ("a, b", 1.0), ("c", 1.0)]

@@ -7,13 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from PIL import Image
 from rich.console import Console
 
-from magat_bringup import cli, models, results
+from magat_bringup import cli, curves, models, points, results, studies
 from magat_bringup.evaluation import Setting, evaluate_policy
-from magat_bringup.results import Point, Study
+from magat_bringup.points import Point, bytes_per_step, measured
+from magat_bringup.report_files import read_csv, write_csv
 from magat_bringup.sets import TEST_SETS, StandardSet
+from magat_bringup.studies import Picture, Study
 from magat_robot.policy.store import save
 from magat_sim.simulator import Rules
 from magat_training.cases import SET_SEED, SPLITS
@@ -40,35 +43,36 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
         asked.append(folder)
         return evaluate_policy(folder, *rest)
 
-    monkeypatch.setattr(results, "evaluate_policy", measure)
+    monkeypatch.setattr(points, "evaluate_policy", measure)
     return asked
 
 
 def study(policies: dict[str, Path], losses: tuple[float, ...] = (0.0, 0.5), which: StandardSet = SMALL) -> Study:
-    points = [Point(name, policies[name], Setting(rules=Rules(loss)), which) for name in policies for loss in losses]
-    return Study("losses", "Losses", "What is lost.", tuple(points), results._loss_rows, results._draw_losses)
+    each = [Point(name, policies[name], Setting(rules=Rules(loss)), which) for name in policies for loss in losses]
+    picture = Picture("Losses", "", studies._draw_losses)
+    return Study("losses", "Losses", "What is lost.", tuple(each), studies._loss_rows, (picture,))
 
 
 def test_what_is_kept_is_what_was_measured(policies: dict[str, Path], tmp_path: Path) -> None:
-    measured = results.measured(study(policies), tmp_path / "losses.csv", QUIET)
-    assert measured == results.measured(study(policies), tmp_path / "losses.csv", QUIET)
+    found = measured(study(policies).points, tmp_path / "losses.csv", QUIET)
+    assert found == measured(study(policies).points, tmp_path / "losses.csv", QUIET)
     names = ["first", "first", "second", "second"]
-    assert [(one["policy"], one["link_loss"]) for one in measured] == list(zip(names, [0.0, 0.5] * 2, strict=True))
-    for one in measured:
+    assert [(one["policy"], one["link_loss"]) for one in found] == list(zip(names, [0.0, 0.5] * 2, strict=True))
+    for one in found:
         setting = Setting(rules=Rules(one["link_loss"]))
         alone = evaluate_policy(policies[one["policy"]], SPLITS["test"][:4], SET_SEED, setting, SMALL.size, QUIET)
-        assert one == {name: alone[name] for name in one} | {"policy": one["policy"]}
-    assert len({one["delta_ft"] for one in measured}) == 4
+        assert one == {name: alone.get(name) for name in one} | {"policy": one["policy"], "bytes_per_step": 100}
+    assert len({one["delta_ft"] for one in found}) == 4
 
 
 def test_a_point_that_is_there_is_not_measured_again(
     policies: dict[str, Path], tmp_path: Path, counted: list[Path], random_network: Callable
 ) -> None:
     path = tmp_path / "losses.csv"
-    results.measured(study(policies), path, QUIET)
+    measured(study(policies).points, path, QUIET)
     assert len(counted) == 4
     before = path.read_text()
-    results.measured(study(policies), path, QUIET)
+    measured(study(policies).points, path, QUIET)
     assert (len(counted), path.read_text()) == (4, before)
     # Another share, more cases, another map; other weights.
     for changed, new in (
@@ -77,11 +81,11 @@ def test_a_point_that_is_there_is_not_measured_again(
         (study(policies, which=StandardSet(9, 3, 5)), 4),
     ):
         counted.clear()
-        results.measured(changed, path, QUIET)
+        measured(changed.points, path, QUIET)
         assert len(counted) == new
     counted.clear()
     save(random_network("MAGAT-F-16", seed=5), policies["second"], "# card\n")
-    reports = results.measured(study(policies, which=StandardSet(9, 3, 5)), path, QUIET)
+    reports = measured(study(policies, which=StandardSet(9, 3, 5)).points, path, QUIET)
     assert counted == [policies["second"]] * 2
     assert len(reports) == 4
 
@@ -90,24 +94,24 @@ def test_what_was_measured_before_an_interruption_is_kept(
     policies: dict[str, Path], tmp_path: Path, counted: list[Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "losses.csv"
-    results.measured(study({"second": policies["second"]}), path, QUIET)
-    working = results.evaluate_policy
+    measured(study({"second": policies["second"]}).points, path, QUIET)
+    working = points.evaluate_policy
 
     def interrupted(folder: Path, *rest: object) -> dict:
         if len(counted) == 3:
             raise KeyboardInterrupt
         return working(folder, *rest)
 
-    monkeypatch.setattr(results, "evaluate_policy", interrupted)
+    monkeypatch.setattr(points, "evaluate_policy", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        results.measured(study(policies), path, QUIET)
-    assert [(row["policy"], row["link_loss"]) for row in results.read_csv(path)] == [
+        measured(study(policies).points, path, QUIET)
+    assert [(row["policy"], row["link_loss"]) for row in read_csv(path)] == [
         ("second", 0.0),
         ("second", 0.5),
         ("first", 0.0),
     ]
-    monkeypatch.setattr(results, "evaluate_policy", working)
-    results.measured(study(policies), path, QUIET)
+    monkeypatch.setattr(points, "evaluate_policy", working)
+    measured(study(policies).points, path, QUIET)
     assert len(counted) == 4
 
 
@@ -116,7 +120,7 @@ def test_the_page_shows_each_study_with_its_picture_and_rows(policies: dict[str,
     assert sorted(file.name for file in page.parent.iterdir()) == ["losses.csv", "losses.png", "results.md"]
     text = page.read_text()
     assert "## Losses\n\nWhat is lost.\n\n![Losses](losses.png)\n\n| map (robots) | policy | lost |" in text
-    for report in results.read_csv(page.parent / "losses.csv"):
+    for report in read_csv(page.parent / "losses.csv"):
         low, high = report["alpha_interval"]
         named = f"| 8x8 (3) | {report['policy']} | {report['link_loss']:g} | 4 |"
         assert f"{named} {report['alpha']:.3f} ({low:.3f} to {high:.3f}) | {report['delta_ft']:.3f} ± " in text
@@ -128,20 +132,18 @@ def test_the_page_shows_each_study_with_its_picture_and_rows(policies: dict[str,
 def test_bytes_are_those_that_a_robot_counts(
     policies: dict[str, Path], random_network: Callable, tmp_path: Path
 ) -> None:
-    found = {
-        encoding: results.bytes_per_step(policies["first"], encoding) for encoding in ("float32", "float16", "int8")
-    }
+    found = {encoding: bytes_per_step(policies["first"], encoding) for encoding in ("float32", "float16", "int8")}
     assert found == {"float32": 36 + 64, "float16": 36 + 32, "int8": 36 + 20}
     save(random_network("MAGAT-F-16-P2", taps=3, layers=2), tmp_path / "hops", "")
-    assert results.bytes_per_step(tmp_path / "hops", "float16") == 4 * 36 + 2 * (16 + 3 * 16 + 32 + 3 * 32)
+    assert bytes_per_step(tmp_path / "hops", "float16") == 4 * 36 + 2 * (16 + 3 * 16 + 32 + 3 * 32)
 
 
 def test_the_studies_are_of_the_policies_given(policies: dict[str, Path]) -> None:
-    for build in results.STUDIES.values():
+    for build in studies.STUDIES.values():
         built = build(policies)
         assert {point.policy for point in built.points if point.folder is not None} == set(policies)
         assert len(set(built.points)) == len(built.points)
-    losses = results.link_loss(policies).points
+    losses = studies.link_loss(policies).points
     assert {point.setting.rules.link_loss for point in losses} == {0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 1.0}
     assert min(point.cases.cases for point in losses) >= 200
 
@@ -150,7 +152,7 @@ def test_the_command_writes_the_page(
     policies: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
     monkeypatch.setattr(models, "model_folders", lambda: iter([tmp_path / "models"]))
-    monkeypatch.setattr(results, "STUDIES", {"losses": study})
+    monkeypatch.setattr(studies, "STUDIES", {"losses": study})
     assert cli.main(["results", "--policy", "second", "--output", str(tmp_path / "out")]) == 0
     assert "results.md" in capsys.readouterr().err
     page = (tmp_path / "out" / "results.md").read_text()
@@ -173,9 +175,71 @@ def test_studies_that_are_not_wanted_stay_as_they_were(
     assert page.index("## Losses") < page.index("## Other")
 
 
+def report(**changes: object) -> dict:
+    """What there is of a point on 30 cases."""
+    return {
+        "policy": "a", "temperature": 0.75, "encoding": "int8", "link_loss": 0.0, "alpha": 0.9,
+        "alpha_interval": (0.8, 0.95), "delta_ft": 0.1, "delta_ft_half_width": 0.01, "p_rg": 0.99,
+        "alpha_strict": 0.8, "delta_ft_strict": 0.3, "cases": 30, "unsolved_by_expert": 0, "width": 100,
+        "height": 100, "robots": 500, "density": 0.1, "seed": 1, "first_case": 0, "shield": "idle", "digest": "ab",
+        "bytes_per_step": 164, "makespan": 200.5, "moves_blocked": 7.0, "stranded": {0: 27, 1: 2, 40: 1},
+    } | changes  # fmt: skip
+
+
+def test_a_file_holds_all_of_a_report_and_older_ones_what_they_have(tmp_path: Path) -> None:
+    rows = [report(), report(shield="pibt", stranded={0: 30})]
+    write_csv(rows, tmp_path / "rows.csv")
+    assert read_csv(tmp_path / "rows.csv") == rows
+    assert "0:27 1:2 40:1" in (tmp_path / "rows.csv").read_text()
+    lines = [line.rsplit(",", 3)[0] for line in (tmp_path / "rows.csv").read_text().splitlines()]
+    (tmp_path / "older.csv").write_text("\n".join(lines))
+    older = read_csv(tmp_path / "older.csv")
+    assert [one["stranded"] for one in older] == [{}, {}]
+    assert all(np.isnan(one["makespan"]) and one["bytes_per_step"] == 164 for one in older)
+
+
+def test_the_histogram_shows_in_which_share_of_the_cases_how_many_robots_arrived(tmp_path: Path) -> None:
+    axes = Figure().add_subplot()
+    curves._bars(axes, report(), 5, ["a", "b"])
+    # Groups of five: 496 to 500 robots, and 456 to 460.
+    assert [bar.get_height() for bar in axes.patches] == pytest.approx([29 / 30, 1 / 30])
+    assert [bar.get_x() for bar in axes.patches] == pytest.approx([498 - 2, 458 - 2])
+    assert [bar.get_width() for bar in axes.patches] == pytest.approx([2, 2])
+    pictures = {
+        "one": [report(), report(shield="pibt")],
+        "with an older one": [report(stranded={}), report(), report(shield="pibt")],
+        "other": [report(), report(shield="pibt", stranded={0: 10, 3: 20})],
+        "alone": [report()],
+    }
+    for name, reports in pictures.items():
+        curves.draw_arrivals(reports, tmp_path / name)
+    drawn = {name: (tmp_path / name).read_bytes() for name in pictures}
+    assert drawn["one"] == drawn["with an older one"]
+    assert len(set(drawn.values())) == 3
+
+
+def test_a_set_is_drawn_by_shield_and_in_the_order_of_its_sizes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lines: list[tuple] = []
+    monkeypatch.setattr(
+        curves, "_line",
+        lambda axes, number, points, across, measure: lines.append(
+            (number, [across.value(p) for p in points], [measure.value(p) for p in points])
+        ),
+    )  # fmt: skip
+    sizes = [report(), report(width=65, alpha=0.7, p_rg=0.5), report(policy="PIBT", shield="pibt", delta_ft=0.2)]
+    studies._draw_set(sizes, tmp_path / "set.png")
+    alpha, delta_ft, p_rg = ([line[2] for line in lines if line[0] == 0][i] for i in range(3))
+    assert (alpha, delta_ft, p_rg) == ([0.9, 0.7], [0.1, 0.1], [0.99, 0.5])
+    assert [values for number, _, values in lines if number == 1] == [[0.9], [0.2], [0.99]]
+    assert [np.round(where).tolist() for number, where, _ in lines if number == 0] == [[0, 1]] * 3
+    assert all(where[0] > 0 for number, where, _ in lines if number == 1), "side by side"
+
+
 def test_a_test_set_is_of_policies_in_settings_and_of_baselines(policies: dict[str, Path]) -> None:
     settings = [Setting(), Setting(rules=Rules(shield="pibt"))]
-    built = results.test_set("large", policies, settings, ["PIBT"])
+    built = studies.test_set("large", policies, settings, ["PIBT"])
     assert [(p.cases.side, p.cases.robots, p.cases.expert_w) for p in built.points[::5]] == [
         (100, 500, 5.0),
         (200, 500, 5.0),
@@ -184,7 +248,7 @@ def test_a_test_set_is_of_policies_in_settings_and_of_baselines(policies: dict[s
     shields = [(p.policy, p.setting.rules.shield) for p in built.points[:4]]
     assert shields == [("first", "idle"), ("first", "pibt"), ("second", "idle"), ("second", "pibt")]
     assert (built.points[4].policy, built.points[4].folder) == ("PIBT", None)
-    assert {p.cases.cases for p in results.with_cases(built, 7).points} == {7}
+    assert {p.cases.cases for p in studies.with_cases(built, 7).points} == {7}
 
 
 def test_the_papers_numbers_stand_beside_ours() -> None:
@@ -197,7 +261,7 @@ def test_the_papers_numbers_stand_beside_ours() -> None:
             "p_rg": 1.0,
         }
         where = {"width": 65, "height": 65, "robots": 100, "cases": 10, "policy": "MAGAT-F-128", "shield": "idle"}
-        return results._set_rows([measures | where | changes])[1]
+        return studies._set_rows([measures | where | changes])[1]
 
     assert row()[-1] == "0.91"
     assert row(policy="GNN-F-32")[-1] == "0.82"
@@ -219,4 +283,4 @@ def test_a_set_is_evaluated_by_name_and_resumed(
     assert first == again
     assert [(one["width"], one["cases"], one["shield"]) for one in first] == [(8, 3, "idle"), (9, 3, "idle")]
     assert [(one["policy"], one["shield"], one["digest"]) for one in pibt] == [("PIBT", "pibt", "")] * 2
-    assert len(results.read_csv(Path("runs/sets/large.csv"))) == 4
+    assert len(read_csv(Path("runs/sets/large.csv"))) == 4

@@ -37,6 +37,7 @@ def test_first_visits_and_last_arrivals_are_told_apart() -> None:
         success=True,
         success_strict=True,
         p_rg=1.0,
+        stranded=0,
         flowtime=Flowtime(first_visit=1 + 4, last_arrival=3 + 4),
         expert_flowtime=BEST,
         makespan=4,
@@ -52,7 +53,7 @@ def test_a_robot_that_never_arrives_counts_t_max() -> None:
     measures = played(
         [(0, 0), (3, 1)], [(1, 0), (3, 0)], 3, [[RIGHT, IDLE], [IDLE, IDLE], [IDLE, LEFT]], Flowtime(2, 2)
     )
-    assert (measures.success, measures.success_strict, measures.p_rg) == (False, False, 0.5)
+    assert (measures.success, measures.success_strict, measures.p_rg, measures.stranded) == (False, False, 0.5, 1)
     assert measures.flowtime == Flowtime(1 + 3, 1 + 3)
     assert (measures.makespan, measures.ticks) == (3, 3)
     assert measures.delta_ft == measures.delta_ft_strict == 1.0

@@ -23,6 +23,7 @@ EPISODE = EpisodeMeasures(
     success=True,
     success_strict=True,
     p_rg=1.0,
+    stranded=0,
     flowtime=Flowtime(110, 130),
     expert_flowtime=Flowtime(100, 100),
     makespan=20,
@@ -115,6 +116,7 @@ def test_a_set_is_summarised_by_rates_means_and_intervals() -> None:
         success=False,
         success_strict=False,
         p_rg=0.8,
+        stranded=2,
         flowtime=Flowtime(150, 190),
         makespan=60,
         moves_blocked=10,
@@ -131,6 +133,7 @@ def test_a_set_is_summarised_by_rates_means_and_intervals() -> None:
     deviation = math.sqrt(((0.1 - 0.175) ** 2 * 2 + (0.5 - 0.175) ** 2 + 0.175**2) / 3)
     assert summary.delta_ft_half_width == pytest.approx(1.959964 * deviation / 2)
     assert summary.p_rg == pytest.approx(0.95)
+    assert summary.stranded == {0: 3, 2: 1}
     assert summary.makespan == pytest.approx((20 + 60 + 25 + 20) / 4)
     assert summary.moves_blocked == pytest.approx((4 + 10 + 0 + 4) / 4)
 

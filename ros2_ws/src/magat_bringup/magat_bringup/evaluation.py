@@ -5,7 +5,7 @@ import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -107,10 +107,7 @@ def _evaluate(
     console: Console,
     workers: int,
 ) -> dict[str, Any]:
-    solving = solved_cases(numbers, seed, **size)
-    # Where nobody watches, each bar would leave an empty line.
-    hidden = not console.is_interactive
-    solved = list(track(solving, "expert", total=len(numbers), console=console, transient=True, disable=hidden))
+    solved = _solved(tuple(numbers), seed, tuple(size.items()), console)
     if not solved:
         raise InvalidCaseError(f"the expert solves none of the {len(numbers)} cases: ask for more, or for easier ones")
     started = time.monotonic()
@@ -128,6 +125,16 @@ def _evaluate(
         **dataclasses.asdict(summarise(episodes)),
         "seconds": round(elapsed, 1),
     }
+
+
+@lru_cache(maxsize=1)  # one planner after the other is scored on the same cases
+def _solved(
+    numbers: tuple[int, ...], seed: int, size: tuple[tuple[str, Any], ...], console: Console
+) -> list[SolvedCase]:
+    solving = solved_cases(numbers, seed, **dict(size))
+    # Where nobody watches, each bar would leave an empty line.
+    hidden = not console.is_interactive
+    return list(track(solving, "expert", total=len(numbers), console=console, transient=True, disable=hidden))
 
 
 def _here(score: Any, batches: list[list[SolvedCase]], console: Console) -> list[EpisodeMeasures]:

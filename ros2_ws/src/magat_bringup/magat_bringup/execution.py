@@ -180,20 +180,23 @@ def evaluate_command(options: argparse.Namespace, console: Console) -> int:
 
 
 def _evaluate_set(options: argparse.Namespace, setting: "Setting", console: Console) -> int:
-    from magat_bringup import results
+    from magat_bringup.points import measured
+    from magat_bringup.results import table
+    from magat_bringup.studies import test_set, with_cases
     from magat_training.baselines import BASELINES
 
     baseline = options.policy in BASELINES
     folders = [] if baseline else [find_policy(options.policy)]
     policies = {folder.name: folder for folder in folders}
-    study = results.test_set(options.set, policies, [setting], [options.policy] if baseline else [])
+    study = test_set(options.set, policies, [setting], [options.policy] if baseline else [])
     if options.cases:
-        study = results.with_cases(study, options.cases)
-    reports = results.measured(study, Path("runs/sets") / f"{options.set}.csv", console, options.workers)
+        study = with_cases(study, options.cases)
+    path = Path("runs/sets") / f"{options.set}.csv"
+    reports = measured(study.points, path, console, options.workers, study.title)
     if options.json:
         print(json.dumps(reports))
     else:
-        Console().print(results.table(study, reports))
+        Console().print(table(study, reports))
     return 0
 
 
@@ -219,7 +222,8 @@ def models_command(options: argparse.Namespace, _: Console) -> int:
 
 
 def frontier_command(options: argparse.Namespace, console: Console) -> int:
-    from magat_bringup.frontier import TEMPERATURES, draw, frontier, table, write_csv
+    from magat_bringup.frontier import TEMPERATURES, draw, frontier, table
+    from magat_bringup.report_files import write_csv
 
     size = {name: getattr(options, name) for name in ("width", "height", "robots", "density")}
     numbers = _case_numbers("valid", options.cases)
@@ -227,7 +231,8 @@ def frontier_command(options: argparse.Namespace, console: Console) -> int:
         _policies(options.policy), options.temperatures or TEMPERATURES, numbers, options.seed, size, console
     )
     options.output.mkdir(parents=True, exist_ok=True)
-    write_csv(reports, options.output / "frontier.csv")
+    rows = [point | {"policy": name} for name, points in reports.items() for point in points]
+    write_csv(rows, options.output / "frontier.csv")
     draw(reports, options.output / "frontier.png")
     Console().print(table(reports))
     console.print(f"frontier.csv and frontier.png are in {options.output}")
@@ -235,7 +240,8 @@ def frontier_command(options: argparse.Namespace, console: Console) -> int:
 
 
 def results_command(options: argparse.Namespace, console: Console) -> int:
-    from magat_bringup.results import STUDIES, results, with_cases
+    from magat_bringup.results import results
+    from magat_bringup.studies import STUDIES, with_cases
 
     unknown = [name for name in options.study or () if name not in STUDIES]
     if unknown:

@@ -1,6 +1,5 @@
 """``magat frontier``: what success costs in flowtime, over sampling temperatures, as a table, a file and a picture."""
 
-import csv
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from magat_bringup.curves import DASHES, MARKERS
 from magat_bringup.evaluation import Setting, evaluate_policy, set_name
 from magat_bringup.measured import Report, half_width
 from magat_bringup.record import INK, robot_colour, tint
@@ -22,35 +22,6 @@ TEMPERATURES = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0)
 #: The region to reach, after the paper: at least this alpha, at most this delta_FT.
 TARGET_ALPHA, TARGET_DELTA_FT = 0.97, 0.08
 
-_COLUMNS = (
-    *(
-        "temperature",
-        "encoding",
-        "link_loss",
-        "alpha",
-        "alpha_low",
-        "alpha_high",
-        "delta_ft",
-        "delta_ft_half_width",
-        "p_rg",
-    ),
-    *(
-        "alpha_strict",
-        "delta_ft_strict",
-        "cases",
-        "unsolved_by_expert",
-        "width",
-        "height",
-        "robots",
-        "density",
-        "seed",
-        "first_case",
-    ),
-    *("shield", "digest"),
-)
-# Lines are told apart by these where there is no colour.
-MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
-DASHES = ("-", "--", "-.", ":")
 # Where the temperature stands beside its point, in points on paper: elsewhere for each policy.
 _LABELS = ((5.0, 5.0), (5.0, -12.0), (-5.0, 5.0), (-5.0, -12.0))
 
@@ -95,17 +66,6 @@ def frontier(
                 reports[name].append(evaluate_policy(folder, numbers, seed, Setting(temperature), size, console))
                 progress.advance(task)
     return reports
-
-
-def write_csv(reports: Mapping[str, Sequence[Report]], path: Path) -> None:
-    """Write one row a policy and temperature to ``path``, with a heading; alpha's interval in two columns."""
-    with path.open("w", newline="") as file:
-        writer = csv.DictWriter(file, ("policy", *_COLUMNS), extrasaction="ignore", lineterminator="\n")
-        writer.writeheader()
-        for name, points in reports.items():
-            for point in points:
-                low, high = point["alpha_interval"]
-                writer.writerow({**point, "policy": name, "alpha_low": low, "alpha_high": high})
 
 
 def table(reports: Mapping[str, Sequence[Report]]) -> Table:

@@ -1,7 +1,8 @@
 """The measures of an episode and of a set of them (MAGAT paper, Sec. VI-A)."""
 
 import math
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +31,8 @@ class EpisodeMeasures:
     success: bool
     success_strict: bool
     p_rg: float
+    #: Robots that never reached their goals.
+    stranded: int
     flowtime: Flowtime
     expert_flowtime: Flowtime | None
     makespan: int
@@ -98,6 +101,7 @@ def episode_measures(
         success=success,
         success_strict=strict,
         p_rg=float((first >= 0).mean()),
+        stranded=int((first < 0).sum()),
         flowtime=Flowtime(int(np.where(first >= 0, first, t_max).sum()), int(np.where(last >= 0, last, t_max).sum())),
         expert_flowtime=expert_flowtime,
         makespan=int(first.max()) if success else t_max,
@@ -147,6 +151,8 @@ class SetMeasures:
     #: Half width of the 95 % interval of the mean delta_ft (normal approximation).
     delta_ft_half_width: float
     p_rg: float
+    #: Cases by how many robots never reached their goals, e.g. 47 by 0 and 3 by 2.
+    stranded: Mapping[int, int]
     makespan: float
     moves_blocked: float
 
@@ -167,6 +173,7 @@ def summarise(episodes: Sequence[EpisodeMeasures]) -> SetMeasures:
         delta_ft_strict=float(np.mean([e.delta_ft_strict for e in episodes])),
         delta_ft_half_width=float(1.959964 * increase.std(ddof=1) / math.sqrt(cases)) if cases > 1 else math.nan,
         p_rg=float(np.mean([e.p_rg for e in episodes])),
+        stranded=dict(sorted(Counter(e.stranded for e in episodes).items())),
         makespan=float(np.mean([e.makespan for e in episodes])),
         moves_blocked=float(np.mean([e.moves_blocked for e in episodes])),
     )

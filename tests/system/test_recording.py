@@ -1,5 +1,6 @@
 """Recordings of real teams: nothing is lost at full rate, little when the recorder is killed, all is shown again."""
 
+import io
 import json
 import os
 import signal
@@ -14,17 +15,21 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from nav_msgs.msg import OccupancyGrid
 from rclpy.executors import SingleThreadedExecutor
+from rich.console import Console
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import Empty
 
 from magat_bringup.analysis import TeamRecording
 from magat_bringup.bag import BagError, bag_files, read_bag, recover
 from magat_bringup.cli import main
-from magat_bringup.environment import loopback, own_domain
+from magat_bringup.deploy import deploy
+from magat_bringup.environment import LOOPBACK, Network, loopback, own_domain
+from magat_bringup.models import find_policy
 from magat_bringup.processes import TeamError
 from magat_bringup.topics import READY
-from magat_interfaces.msg import World
+from magat_interfaces.msg import Deployment, World
 from magat_node import qos
+from magat_robot.policy.folder import read_files
 from magat_training.cases import SPLITS
 
 pytestmark = pytest.mark.system
@@ -120,6 +125,26 @@ def test_the_worked_example_runs(run, tmp_path):
     script = Path(__file__).parents[2] / "docs" / "recording" / "conflicts.py"
     subprocess.run([sys.executable, script, run / "bag"], cwd=tmp_path, timeout=100, check=True)
     assert (tmp_path / "conflicts.png").stat().st_size > 10_000
+
+
+@pytest.mark.faults
+def test_nothing_is_lost_of_a_team_with_a_discovery_server_nor_the_policy_that_it_was_given(
+    start_team, tmp_path, monkeypatch
+):
+    with start_team(3, server=True, record=tmp_path / "bag") as team:
+        for name, value in Network(int(team.environment["ROS_DOMAIN_ID"]), LOOPBACK).tool_variables.items():
+            monkeypatch.setenv(name, value)
+        team.client.wait_for_recorder()
+        ticks = team.run(team.goal(CASE)).result.ticks
+        deploy(find_policy("GNN-F-128"), None, Console(file=io.StringIO()))
+        ticks += team.run(team.goal(CASE)).result.ticks
+    recording = TeamRecording(tmp_path / "bag")
+    assert len(recording.ticks) == ticks > 0
+    assert recording.lost.to_numpy().tolist() == []
+    assert list(recording.policies.values()) == ["MAGAT-F-128", "GNN-F-128"]
+    orders = [said.message for said in read_bag(tmp_path / "bag") if said.topic == "/deployment"]
+    assert [order.order for order in orders] == [Deployment.PREPARE, Deployment.SWITCH]
+    assert {file.name: bytes(file.data) for file in orders[0].files} == read_files(find_policy("GNN-F-128"))
 
 
 def test_of_a_recorder_that_is_killed_all_but_the_last_second_is_there(start_team, tmp_path):

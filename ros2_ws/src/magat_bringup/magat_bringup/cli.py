@@ -58,7 +58,7 @@ def _parser() -> argparse.ArgumentParser:
 
     run = commands.add_parser("run", help="start a team, one process a robot, and run episodes on it")
     run.set_defaults(execute=execution.run_command)
-    run.add_argument("--episodes", type=_positive, default=10)
+    run.add_argument("--episodes", type=_positive, default=10, help="as many as --scen has files, if that is given")
     run.add_argument(
         "--first", type=int, default=SPLITS["test"].start, help="number of the first case (default: unseen)"
     )
@@ -160,6 +160,7 @@ def _parser() -> argparse.ArgumentParser:
     evaluate.add_argument("--cases", type=_positive, help="how many (default: 300, or all of a set)")
     which = evaluate.add_mutually_exclusive_group()
     which.add_argument("--split", choices=sorted(SPLITS), default="test")
+    which.add_argument("--map", type=Path, metavar="FILE", help="MovingAI's .map, with --scen, instead of drawn cases")
     which.add_argument(
         "--set", choices=TEST_SETS, help="one of the paper's, size by size, kept in runs/sets; run again to resume"
     )
@@ -201,6 +202,11 @@ def _parser() -> argparse.ArgumentParser:
             "--link-loss", type=_share, default=0.0, metavar="SHARE", help="of the radio links, lost in each tick"
         )
         command.add_argument("--shield", choices=SHIELDS, default="idle", help="what keeps robots from colliding")
+    run.add_argument("--map", type=Path, metavar="FILE", help="MovingAI's .map, with --scen, instead of drawn cases")
+    for command in (run, evaluate):
+        command.add_argument(
+            "--scen", type=Path, nargs="+", metavar="FILE", help=".scen files, one case of the first robots of each"
+        )
     for command in (run, evaluate, measure):
         command.add_argument("--policy", default="MAGAT-F-128", help="name of a policy in models/, or its folder")
     evaluate.epilog = "instead of a policy: HCA, Replan or PIBT, which plan without learning"

@@ -2,7 +2,7 @@
 
 import dataclasses
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -15,13 +15,14 @@ from rich.console import Console
 from rich.progress import Progress, track
 from rich.table import Table
 
+from magat_bringup.scenarios import Scenarios
 from magat_robot.policy.policy import Policy
 from magat_robot.policy.store import load
 from magat_sim.case import InvalidCaseError
 from magat_sim.measures import EpisodeMeasures, summarise
 from magat_sim.simulator import DEFAULT_RULES, Rules
 from magat_training.baselines import BASELINES
-from magat_training.cases import SolvedCase, solved_cases
+from magat_training.cases import SolvedCase, solve_cases, solved_cases
 from magat_training.evaluate import Planner, carried, evaluate_planner
 
 #: Robots simulated in lockstep, those of one case at least: more of them take more memory, and no less time each.
@@ -52,6 +53,36 @@ class Setting:
 DEFAULT_SETTING = Setting()
 
 
+@dataclass(frozen=True)
+class Contender:
+    """What is scored: a policy in a setting, or a baseline."""
+
+    #: What reports call it: policy, digest, temperature and encoding.
+    named: dict[str, Any]
+    planner: Planner
+    rules: Rules
+
+    @classmethod
+    def of_policy(cls, folder: Path, setting: Setting = DEFAULT_SETTING) -> "Contender":
+        """The policy in ``folder``.
+
+        Raises:
+            ModelError: it cannot be used, or not in this setting.
+        """
+        policy = setting.load(folder)
+        config = policy.config
+        carried_by = {"temperature": config.temperature, "encoding": config.encoding}
+        named = {"policy": config.name, "digest": policy.digest, **carried_by}
+        return cls(named, partial(carried, policy), setting.rules)
+
+    @classmethod
+    def of_baseline(cls, name: str) -> "Contender":
+        """One of the `BASELINES`; it has no weights, messages and temperature."""
+        planner, shield = BASELINES[name]
+        named = {"policy": name, "digest": "", "temperature": 0.0, "encoding": ""}
+        return cls(named, planner, Rules(shield=shield))
+
+
 def evaluate_policy(
     folder: Path,
     numbers: Sequence[int],
@@ -79,45 +110,76 @@ def evaluate_policy(
         InvalidCaseError: no such cases can be drawn, or the expert solves none of them.
         ModelError: the policy cannot be used, or not in this setting.
     """
-    policy = setting.load(folder)
-    named = {
-        "policy": policy.config.name,
-        "digest": policy.digest,
-        "temperature": policy.config.temperature,
-        "encoding": policy.config.encoding,
-    }
-    return named | _evaluate(partial(carried, policy), setting.rules, numbers, seed, size, console, workers)
+    return _evaluate(Contender.of_policy(folder, setting), numbers, seed, size, console, workers)
 
 
 def evaluate_baseline(
     name: str, numbers: Sequence[int], seed: int, size: dict[str, Any], console: Console, workers: int = 1
 ) -> dict[str, Any]:
-    """Score one of the `BASELINES` in the same way; it has no weights, messages and temperature."""
-    planner, shield = BASELINES[name]
-    named = {"policy": name, "digest": "", "temperature": 0.0, "encoding": ""}
-    return named | _evaluate(planner, Rules(shield=shield), numbers, seed, size, console, workers)
+    """Score one of the `BASELINES` in the same way."""
+    return _evaluate(Contender.of_baseline(name), numbers, seed, size, console, workers)
+
+
+def evaluate_scenarios(
+    contender: Contender, scenarios: Scenarios, seed: int, console: Console, workers: int = 1
+) -> dict[str, Any]:
+    """Score ``contender`` in the same way on cases out of files, whose numbers are 0, 1, ...
+
+    Args:
+        contender: what is scored.
+        scenarios: the cases.
+        seed: of the random streams.
+        console: shows the progress.
+        workers: processes.
+
+    Raises:
+        InvalidCaseError: the expert solves none of the cases.
+    """
+    numbers = range(len(scenarios.cases))
+    solved = _shown(solve_cases(scenarios.cases, numbers), len(numbers), console)
+    return {"map": scenarios.map.name} | _score(contender, solved, numbers, seed, scenarios.size, console, workers)
 
 
 def _evaluate(
-    planner: Planner,
-    rules: Rules,
+    contender: Contender, numbers: Sequence[int], seed: int, size: dict[str, Any], console: Console, workers: int
+) -> dict[str, Any]:
+    solved = _solved(tuple(numbers), seed, tuple(size.items()), console)
+    return _score(contender, solved, numbers, seed, size, console, workers)
+
+
+@lru_cache(maxsize=1)  # one contender after the other is scored on the same cases
+def _solved(
+    numbers: tuple[int, ...], seed: int, size: tuple[tuple[str, Any], ...], console: Console
+) -> list[SolvedCase]:
+    return _shown(solved_cases(numbers, seed, **dict(size)), len(numbers), console)
+
+
+def _shown(solving: Iterator[SolvedCase], count: int, console: Console) -> list[SolvedCase]:
+    # Where nobody watches, each bar would leave an empty line.
+    hidden = not console.is_interactive
+    return list(track(solving, "expert", total=count, console=console, transient=True, disable=hidden))
+
+
+def _score(
+    contender: Contender,
+    solved: Sequence[SolvedCase],
     numbers: Sequence[int],
     seed: int,
     size: dict[str, Any],
     console: Console,
     workers: int,
 ) -> dict[str, Any]:
-    solved = _solved(tuple(numbers), seed, tuple(size.items()), console)
     if not solved:
         raise InvalidCaseError(f"the expert solves none of the {len(numbers)} cases: ask for more, or for easier ones")
     started = time.monotonic()
     batch = max(1, BATCH_ROBOTS // solved[0].case.robots)
     batches = [solved[start : start + batch] for start in range(0, len(solved), batch)]
-    score = partial(evaluate_planner, planner, seed=seed, rules=rules)
+    score = partial(evaluate_planner, contender.planner, seed=seed, rules=contender.rules)
     episodes = _in_processes(score, batches, workers, console) if workers > 1 else _here(score, batches, console)
     elapsed = time.monotonic() - started
     return {
-        **dataclasses.asdict(rules),
+        **contender.named,
+        **dataclasses.asdict(contender.rules),
         **size,
         "seed": seed,
         "first_case": numbers[0],
@@ -127,17 +189,7 @@ def _evaluate(
     }
 
 
-@lru_cache(maxsize=1)  # one planner after the other is scored on the same cases
-def _solved(
-    numbers: tuple[int, ...], seed: int, size: tuple[tuple[str, Any], ...], console: Console
-) -> list[SolvedCase]:
-    solving = solved_cases(numbers, seed, **dict(size))
-    # Where nobody watches, each bar would leave an empty line.
-    hidden = not console.is_interactive
-    return list(track(solving, "expert", total=len(numbers), console=console, transient=True, disable=hidden))
-
-
-def _here(score: Any, batches: list[list[SolvedCase]], console: Console) -> list[EpisodeMeasures]:
+def _here(score: Any, batches: Sequence[Sequence[SolvedCase]], console: Console) -> list[EpisodeMeasures]:
     episodes: list[EpisodeMeasures] = []
     count = sum(map(len, batches))
     with Progress(console=console, transient=True, disable=not console.is_interactive) as progress:
@@ -150,7 +202,9 @@ def _here(score: Any, batches: list[list[SolvedCase]], console: Console) -> list
     return episodes
 
 
-def _in_processes(score: Any, batches: list[list[SolvedCase]], workers: int, console: Console) -> list[EpisodeMeasures]:
+def _in_processes(
+    score: Any, batches: Sequence[Sequence[SolvedCase]], workers: int, console: Console
+) -> list[EpisodeMeasures]:
     # Started anew: torch's threads do not survive a fork.
     pool = ProcessPoolExecutor(workers, get_context("spawn"), torch.set_num_threads, (1,))
     try:
@@ -172,6 +226,7 @@ def table(report: dict[str, Any]) -> Table:
     title = (
         f"{report['policy']}, T = {report['temperature']:g}, {report['encoding']}, {report['link_loss']:.0%} of links "
         f"lost, {report['shield']} shield: {report['cases']} cases of {set_name(report)}"
+        + (f" on {report['map']}" if "map" in report else "")
     )
     result = Table(title=title, title_justify="left")
     for heading in ("measure", "value", "95 % interval"):

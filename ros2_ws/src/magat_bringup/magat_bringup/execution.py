@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
 def run_command(options: argparse.Namespace, console: Console) -> int:
     from magat_bringup.run import RunPlan, run  # ROS is not needed, nor looked for, by the other commands
+    from magat_bringup.scenarios import Scenarios
     from magat_bringup.team import TeamFile, TeamPlan
 
-    plan = RunPlan(**{field.name: getattr(options, field.name) for field in dataclasses.fields(RunPlan)})
     team = TeamPlan(
         TeamFile.read(options.team) if options.team else TeamFile.numbered(options.robots, options.crew),
         _exported(options.policy, console).parent if options.backend == "onnx" else find_policy(options.policy),
@@ -49,6 +49,13 @@ def run_command(options: argparse.Namespace, console: Console) -> int:
         # Path() is what --record alone gives.
         record=options.output / "bag" if options.record == Path() else options.record,
     )
+    robots = len(team.team.robots)
+    scenarios = Scenarios.read(options.map, options.scen, robots) if options.map or options.scen else None
+    given = {name: value for name, value in vars(options).items() if name in RunPlan.__dataclass_fields__}
+    if scenarios is not None:
+        of_map = {name: scenarios.size[name] for name in ("width", "height", "density")}
+        given |= {"episodes": len(scenarios.cases), **of_map}
+    plan = RunPlan(**given, scenarios=scenarios)
     results = run(plan, team, console)
     complete = sum(result.success for result in results)
     if complete < options.require:
@@ -154,11 +161,14 @@ def bench_runtime_command(options: argparse.Namespace, console: Console) -> int:
 
 def evaluate_command(options: argparse.Namespace, console: Console) -> int:
     from magat_bringup.evaluation import (  # torch takes a second to import
+        Contender,
         Setting,
         evaluate_baseline,
         evaluate_policy,
+        evaluate_scenarios,
         table,
     )
+    from magat_bringup.scenarios import Scenarios
     from magat_sim.simulator import Rules
     from magat_training.baselines import BASELINES
 
@@ -168,7 +178,16 @@ def evaluate_command(options: argparse.Namespace, console: Console) -> int:
     size = {name: getattr(options, name) for name in ("width", "height", "robots", "density")}
     numbers = _case_numbers(options.split, options.cases or 300)
     last = (size, console, options.workers)
-    if options.policy in BASELINES:
+    baseline = options.policy in BASELINES
+    if options.map or options.scen:
+        scenarios = Scenarios.read(options.map, options.scen, options.robots)
+        of = (
+            Contender.of_baseline(options.policy)
+            if baseline
+            else Contender.of_policy(find_policy(options.policy), setting)
+        )
+        report = evaluate_scenarios(of, scenarios, options.seed, console, options.workers)
+    elif baseline:
         report = evaluate_baseline(options.policy, numbers, options.seed, *last)
     else:
         report = evaluate_policy(find_policy(options.policy), numbers, options.seed, setting, *last)

@@ -3,10 +3,12 @@
 import json
 import os
 import shlex
+from array import array
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import monotonic
 
+import numpy as np
 from rich.box import SIMPLE
 from rich.console import Console
 from rich.progress import (
@@ -26,6 +28,7 @@ from magat_bringup.environment import LOOPBACK, Network, network_for, own_domain
 from magat_bringup.picture import save_picture
 from magat_bringup.processes import TeamProcesses
 from magat_bringup.record import EpisodeRecord
+from magat_bringup.scenarios import Scenarios
 from magat_bringup.team import TeamPlan
 from magat_interfaces.action import RunEpisode
 from magat_sim.measures import wilson
@@ -50,16 +53,35 @@ class RunPlan:
     interface: str = ""
     #: ROS domain; one that no other run on this machine has if None.
     domain: int | None = None
+    #: What episodes are run on instead of drawn cases, one each.
+    scenarios: Scenarios | None = None
+
+    @property
+    def names(self) -> list[str]:
+        """Of the cases: their numbers, or their files."""
+        if self.scenarios is None:
+            return [str(self.first + index) for index in range(self.episodes)]
+        return [file.stem for file in self.scenarios.files]
+
+    @property
+    def title(self) -> str:
+        """What the episodes are run on."""
+        if self.scenarios is None:
+            return f"Cases {self.first} to {self.first + self.episodes - 1} of seed {self.seed}"
+        return f"Cases on {self.scenarios.map.name}"
 
     def goal(self, index: int) -> RunEpisode.Goal:
         """The request for episode ``index``, from 0."""
-        return RunEpisode.Goal(
-            seed=self.seed,
-            number=self.first + index,
-            width=self.width,
-            height=self.height,
-            density=self.density,
-        )
+        goal = RunEpisode.Goal(seed=self.seed, width=self.width, height=self.height, density=self.density)
+        if self.scenarios is None:
+            goal.number = self.first + index
+        else:
+            case = self.scenarios.cases[index]
+            goal.number = index
+            goal.obstacles = array("B", case.obstacles.astype(np.uint8).tobytes())
+            goal.start_x, goal.start_y = case.starts.T.tolist()
+            goal.goal_x, goal.goal_y = case.goals.T.tolist()
+        return goal
 
 
 def run(plan: RunPlan, team: TeamPlan, console: Console) -> list[RunEpisode.Result]:
@@ -169,7 +191,7 @@ def _table(plan: RunPlan, robots: int, results: list[RunEpisode.Result]) -> Tabl
     count, complete = len(results), sum(result.success for result in results)
     low, high = wilson(complete, count)
     table = Table(
-        title=f"Cases {plan.first} to {plan.first + count - 1} of seed {plan.seed}",
+        title=plan.title,
         caption=f"alpha {complete / count:.2f} (95 % interval {low:.2f} to {high:.2f}, {count} cases)",
         title_justify="left",
         caption_justify="left",
@@ -178,9 +200,9 @@ def _table(plan: RunPlan, robots: int, results: list[RunEpisode.Result]) -> Tabl
     )
     for heading in ("case", "complete", "delta_FT", "ticks", "T_max", "ticks/s", "B/tick", "blocked", "missing"):
         table.add_column(heading, justify="right", no_wrap=True)
-    for index, result in enumerate(results):
+    for name, result in zip(plan.names, results, strict=True):
         table.add_row(
-            str(plan.first + index),
+            name,
             "yes" if result.success else f"{round(result.p_rg * robots)} of {robots}",
             f"{result.delta_ft:.1%}",
             str(result.ticks),

@@ -93,8 +93,8 @@ def read_case(map_path: Path, scenario_path: Path, robots: int | None = None) ->
         robots: how many lines to take; all if None.
 
     Raises:
-        MovingAIError: a file is not what it should be, or has too few lines; the message says where and why.
-        InvalidCaseError: a goal cannot be reached from its start.
+        MovingAIError: a file is not what it should be, has too few lines, or a goal cannot be reached from its start;
+            the message says where and why.
         OSError: a file cannot be read.
     """
     obstacles = read_map(map_path)
@@ -111,7 +111,10 @@ def read_case(map_path: Path, scenario_path: Path, robots: int | None = None) ->
     if not cells or len(cells) < (robots or 0):
         raise MovingAIError(f"{scenario_path}: there are {len(cells)} robots in it, and {robots or 1} are asked for")
     table = np.array(cells)
-    return make_case(obstacles, table[:, :2], table[:, 2:])
+    try:
+        return make_case(obstacles, table[:, :2], table[:, 2:])
+    except InvalidCaseError as error:
+        raise MovingAIError(f"{scenario_path}: {error}") from error
 
 
 def _robot(

@@ -1,7 +1,7 @@
 """Scenario sets: which cases are trained on, validated on, tested on, and the expert's solutions of them."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from magat_expert import SolveStatus, solve_many
@@ -72,14 +72,22 @@ def solved_cases(
         expert_w: the expert's suboptimality bound.
         size: width, height, robots, density, as `draw_case` takes them.
     """
-    drawn: list[Case] = []
+    cases = (draw_case(seed, number, **size) for number in numbers)  # type: ignore[arg-type]
+    return solve_cases(cases, numbers, workers, expert_w)
 
-    def draw() -> Iterator[Case]:
-        for number in numbers:
-            drawn.append(draw_case(seed, number, **size))  # type: ignore[arg-type]
-            yield drawn[-1]
 
-    solutions = solve_many(draw(), workers=workers, w=expert_w, time_limit=math.inf, node_limit=EXPERT_NODE_LIMIT)
+def solve_cases(
+    cases: Iterable[Case], numbers: Sequence[int], workers: int = 2, expert_w: float = EXPERT_W
+) -> Iterator[SolvedCase]:
+    """Solve ``cases``, whose ``numbers`` are to be given, as `solved_cases` does."""
+    taken: list[Case] = []
+
+    def take() -> Iterator[Case]:
+        for case in cases:
+            taken.append(case)
+            yield case
+
+    solutions = solve_many(take(), workers=workers, w=expert_w, time_limit=math.inf, node_limit=EXPERT_NODE_LIMIT)
     for index, (number, solution) in enumerate(zip(numbers, solutions, strict=True)):
         if solution.status is SolveStatus.SOLVED and solution.paths is not None:
-            yield SolvedCase(number, drawn[index], solution.paths)
+            yield SolvedCase(number, taken[index], solution.paths)

@@ -1,0 +1,40 @@
+"""Cases out of MovingAI's files, for evaluations and teams."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from magat_sim.case import Case, InvalidCaseError
+from magat_sim.movingai import read_case
+
+
+@dataclass(frozen=True)
+class Scenarios:
+    """Cases on one map, one of each ``.scen`` file."""
+
+    map: Path
+    files: tuple[Path, ...]
+    cases: tuple[Case, ...]
+
+    @classmethod
+    def read(cls, map_path: Path | None, files: Sequence[Path] | None, robots: int) -> "Scenarios":
+        """The cases of the first ``robots`` lines of each file.
+
+        Raises:
+            InvalidCaseError: there is no map or no file, one cannot be read or is not what it should be, or a case is
+                no case; the message says which and why.
+        """
+        if map_path is None or not files:
+            raise InvalidCaseError("--map and --scen belong together: give a .map file and one or more .scen files")
+        try:
+            cases = tuple(read_case(map_path, file, robots) for file in files)
+        except OSError as error:
+            raise InvalidCaseError(f"{error.filename} cannot be read: {error.strerror}") from error
+        return cls(map_path, tuple(files), cases)
+
+    @property
+    def size(self) -> dict[str, float]:
+        """Width, height, robots and share of obstacle cells, as reports have them."""
+        height, width = self.cases[0].obstacles.shape
+        density = float(self.cases[0].obstacles.mean())
+        return {"width": width, "height": height, "robots": self.cases[0].robots, "density": density}

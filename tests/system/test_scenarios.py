@@ -1,0 +1,37 @@
+"""A team of processes on MovingAI's files."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from magat_bringup.models import find_policy
+from magat_robot.policy.store import load
+from magat_sim.case import draw_case
+from magat_sim.movingai import write_case
+from magat_training.cases import solve_cases
+from magat_training.evaluate import evaluate
+
+pytestmark = pytest.mark.system
+
+
+def test_a_team_walks_the_cases_of_the_files_as_the_batched_simulator_does(tmp_path: Path) -> None:
+    cases = [draw_case(3, 0, 12, 9, robots, 0.15) for robots in (6, 7)]
+    for case in cases:
+        write_case(case, tmp_path / "field.map", tmp_path / f"{case.robots}.scen")
+    files = ["--map", tmp_path / "field.map", "--scen", tmp_path / "6.scen", tmp_path / "7.scen"]
+    options = ["--robots", "6", "--crew", "3", "--radio", "relayed", "--seed", "5", "--output", tmp_path / "out"]
+    environment = {name: value for name, value in os.environ.items() if name != "_ROS_WHEELS_BOOTSTRAP_COMPLETE"}
+    command = [sys.executable, "-m", "magat_bringup", "run", *map(str, [*files, *options])]
+    ran = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=100)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert "Cases on field.map" in ran.stdout
+    results = json.loads((tmp_path / "out" / "results.json").read_text())
+    first = [type(case)(case.obstacles, case.starts[:6], case.goals[:6]) for case in cases]
+    walked = evaluate(load(find_policy("MAGAT-F-128")), list(solve_cases(first, range(2))), seed=5)
+    assert [(one["ticks"], one["flowtime"], one["expert_flowtime"], one["moves_blocked"]) for one in results] == [
+        (one.ticks, one.flowtime.first_visit, one.expert_flowtime.first_visit, one.moves_blocked) for one in walked
+    ]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator, PercentFormatter
+from matplotlib.ticker import MaxNLocator, PercentFormatter, ScalarFormatter
 
 from magat_bringup.evaluation import set_name
 from magat_bringup.measured import Report, half_width
@@ -32,12 +32,13 @@ class Measure:
     errors: Callable[[Report], tuple[float, float]]
 
 
-def _alpha_errors(report: Report) -> tuple[float, float]:
+def alpha_errors(report: Report) -> tuple[float, float]:
+    """How far alpha's interval reaches below and above it; not below 0, whatever rounding did."""
     low, high = report["alpha_interval"]
     return max(0.0, report["alpha"] - low), max(0.0, high - report["alpha"])
 
 
-ALPHA = Measure(r"$\alpha$", lambda report: report["alpha"], _alpha_errors)
+ALPHA = Measure(r"$\alpha$", lambda report: report["alpha"], alpha_errors)
 DELTA_FT = Measure(r"$\delta_{FT}$", lambda report: report["delta_ft"], lambda report: (half_width(report),) * 2)
 P_RG = Measure(r"$p_{rg}$", lambda report: report["p_rg"], lambda _: (0.0, 0.0))
 
@@ -72,7 +73,8 @@ def draw_curves(
         if column_number == 0:
             axes.set_ylabel(measure.label)
         if across.log:
-            axes.set_xscale("log")
+            axes.set_xscale("log", base=2)
+            axes.xaxis.set_major_formatter(ScalarFormatter())
         if across.names:
             axes.set_xticks(range(len(across.names)), across.names, rotation=30, ha="right", fontsize=8)
     for axes in grid[-1]:

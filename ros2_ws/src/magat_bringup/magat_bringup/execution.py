@@ -241,17 +241,16 @@ def models_command(options: argparse.Namespace, _: Console) -> int:
 
 
 def frontier_command(options: argparse.Namespace, console: Console) -> int:
+    from magat_bringup.evaluation import Setting
     from magat_bringup.frontier import TEMPERATURES, draw, frontier, table
-    from magat_bringup.report_files import write_csv
+    from magat_sim.simulator import Rules
 
     size = {name: getattr(options, name) for name in ("width", "height", "robots", "density")}
     numbers = _case_numbers("valid", options.cases)
-    reports = frontier(
-        _policies(options.policy), options.temperatures or TEMPERATURES, numbers, options.seed, size, console
-    )
-    options.output.mkdir(parents=True, exist_ok=True)
-    rows = [point | {"policy": name} for name, points in reports.items() for point in points]
-    write_csv(rows, options.output / "frontier.csv")
+    temperatures = options.temperatures or TEMPERATURES
+    settings = [Setting(one, rules=Rules(shield=shield)) for shield in options.shield for one in temperatures]
+    path = options.output / "frontier.csv"
+    reports = frontier(_policies(options.policy), settings, numbers, options.seed, size, path, console)
     draw(reports, options.output / "frontier.png")
     Console().print(table(reports))
     console.print(f"frontier.csv and frontier.png are in {options.output}")

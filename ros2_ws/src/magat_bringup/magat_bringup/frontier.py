@@ -1,9 +1,12 @@
 """``magat frontier``: what success costs in flowtime, over sampling temperatures, as a table, a file and a picture."""
 
-from collections.abc import Iterable, Mapping, Sequence
+import dataclasses
+import itertools
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from matplotlib import patches, patheffects
 from matplotlib.figure import Figure
 from rich.console import Console
@@ -11,12 +14,11 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from magat_bringup.curves import DASHES, MARKERS
-from magat_bringup.evaluation import Setting, evaluate_policy, set_name
+from magat_bringup.curves import DASHES, MARKERS, alpha_errors
+from magat_bringup.evaluation import Contender, Setting, evaluate_policy, set_name
 from magat_bringup.measured import Report, half_width
 from magat_bringup.record import INK, robot_colour, tint
-from magat_robot.policy.config import PolicyConfig
-from magat_robot.policy.store import load
+from magat_bringup.report_files import identity, read_csv, write_csv
 
 TEMPERATURES = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0)
 #: The region to reach, after the paper: at least this alpha, at most this delta_FT.
@@ -28,76 +30,82 @@ _LABELS = ((5.0, 5.0), (5.0, -12.0), (-5.0, 5.0), (-5.0, -12.0))
 
 def frontier(
     policies: Mapping[str, Path],
-    temperatures: Iterable[float],
+    settings: Sequence[Setting],
     numbers: Sequence[int],
     seed: int,
     size: dict[str, Any],
+    path: Path,
     console: Console,
-) -> dict[str, list[Report]]:
+) -> list[Report]:
     """Score policies at several sampling temperatures, all on the same cases.
 
     Args:
         policies: folder of each, by its name.
-        temperatures: in any order.
+        settings: temperatures and shields, in any order.
         numbers: of the cases; those of the validation split where a temperature is to be chosen.
         seed: of cases and random streams.
         size: width, height, robots and density of the cases.
+        path: CSV file that keeps each report as soon as it is there, and may have some of them.
         console: shows the progress.
 
     Returns:
-        For each policy the reports of `evaluation.evaluate_policy`, by rising temperature.
+        The reports of `evaluation.evaluate_policy`, policy by policy, shield by shield, by rising temperature.
 
     Raises:
         InvalidCaseError: no such cases can be drawn, or the expert solves none of them.
         ModelError: a policy cannot be used, or a temperature is out of range; nothing has been computed then.
     """
-    rising = sorted(set(temperatures))
-    for temperature in rising:
-        PolicyConfig(temperature=temperature)
-    for folder in policies.values():
-        load(folder)
+    asked: dict[tuple[Any, ...], tuple[str, Setting]] = {}
+    of_cases = {**size, "seed": seed, "first_case": numbers[0], "cases": len(numbers)}
+    for name, folder in policies.items():
+        for setting in sorted(settings, key=lambda setting: (setting.rules.shield, setting.temperature)):
+            contender = Contender.of_policy(folder, setting)
+            rules = dataclasses.asdict(setting.rules)
+            asked[identity(contender.named | {"policy": name} | rules | of_cases)] = (name, setting)
+    known = {which: row for row in read_csv(path) if (which := identity(row)) in asked}
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    reports: dict[str, list[Report]] = {name: [] for name in policies}
     with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task("", total=len(policies) * len(rising))
-        for name, folder in policies.items():
-            for temperature in rising:
-                progress.update(task, description=f"{escape(name)}, T = {temperature:g}")
-                reports[name].append(evaluate_policy(folder, numbers, seed, Setting(temperature), size, console))
-                progress.advance(task)
-    return reports
+        task = progress.add_task("", total=len(asked))
+        for which, (name, setting) in asked.items():
+            progress.update(task, description=f"{escape(name)}, {setting.rules.shield}, T = {setting.temperature:g}")
+            if which not in known:
+                report = evaluate_policy(policies[name], numbers, seed, setting, size, console)
+                known[which] = report | {"policy": name}
+                path.parent.mkdir(parents=True, exist_ok=True)
+                write_csv(list(known.values()), path)
+            progress.advance(task)
+    return [known[which] for which in asked]
 
 
-def table(reports: Mapping[str, Sequence[Report]]) -> Table:
+def table(reports: Sequence[Report]) -> Table:
     """The frontier for people."""
     result = Table(title=_title(reports), title_justify="left", box=None, pad_edge=False)
-    for heading in ("policy", "T", "alpha", "95 % interval", "delta_FT", "p_rg", "target"):
-        result.add_column(heading, justify="left" if heading == "policy" else "right")
-    for name, points in reports.items():
-        for point in points:
-            low, high = point["alpha_interval"]
-            reached = point["alpha"] >= TARGET_ALPHA and point["delta_ft"] <= TARGET_DELTA_FT
-            result.add_row(
-                escape(name),
-                f"{point['temperature']:g}",
-                f"{point['alpha']:.3f}",
-                f"{low:.3f} to {high:.3f}",
-                f"{point['delta_ft']:.3f} ± {point['delta_ft_half_width']:.3f}",
-                f"{point['p_rg']:.4f}",
-                "reached" if reached else "missed",
-            )
+    for heading in ("policy", "shield", "T", "alpha", "95 % interval", "delta_FT", "p_rg", "target"):
+        result.add_column(heading, justify="left" if heading in ("policy", "shield") else "right")
+    for point in reports:
+        low, high = point["alpha_interval"]
+        reached = point["alpha"] >= TARGET_ALPHA and point["delta_ft"] <= TARGET_DELTA_FT
+        result.add_row(
+            escape(point["policy"]),
+            point["shield"],
+            f"{point['temperature']:g}",
+            f"{point['alpha']:.3f}",
+            f"{low:.3f} to {high:.3f}",
+            f"{point['delta_ft']:.3f} ± {point['delta_ft_half_width']:.3f}",
+            f"{point['p_rg']:.4f}",
+            "reached" if reached else "missed",
+        )
     return result
 
 
-def draw(reports: Mapping[str, Sequence[Report]], path: Path) -> None:
-    """Draw alpha against delta_FT, a line a policy and a point a temperature, into the PNG file ``path``."""
+def draw(reports: Sequence[Report], path: Path) -> None:
+    """Draw alpha against delta_FT into the PNG file ``path``: a line a policy and shield, a point a temperature."""
     figure = Figure(figsize=(8.0, 5.6), facecolor="white", layout="constrained")
     axes = figure.add_subplot()
-    every = [point for points in reports.values() for point in points]
-    right = 1.08 * max(TARGET_DELTA_FT, *(point["delta_ft"] + half_width(point) for point in every))
-    bottom = min(TARGET_ALPHA, *(point["alpha_interval"][0] for point in every))
+    right = 1.08 * max(TARGET_DELTA_FT, *(point["delta_ft"] + half_width(point) for point in reports))
+    bottom = min(TARGET_ALPHA, *(point["alpha_interval"][0] for point in reports))
     margin = 0.06 * (1.0 - bottom)
-    axes.set(xlim=(min(0.0, *(point["delta_ft"] - half_width(point) for point in every)), right))
+    axes.set(xlim=(min(0.0, *(point["delta_ft"] - half_width(point) for point in reports)), right))
     axes.set(ylim=(bottom - margin, 1.0 + margin))
     target = patches.Rectangle(
         (-1.0, TARGET_ALPHA), 1.0 + TARGET_DELTA_FT, 1.0 - TARGET_ALPHA, hatch="//", facecolor=tint(INK, 0.06),
@@ -106,18 +114,17 @@ def draw(reports: Mapping[str, Sequence[Report]], path: Path) -> None:
     )  # fmt: skip
     axes.add_patch(target)
     outline = [patheffects.withStroke(linewidth=2.0, foreground="white")]
-    for number, (name, points) in enumerate(reports.items()):
+    policies, shields = (list(dict.fromkeys(point[name] for point in reports)) for name in ("policy", "shield"))
+    for (policy, shield), line in itertools.groupby(reports, key=lambda point: (point["policy"], point["shield"])):
+        points, number = list(line), policies.index(policy)
         colour = robot_colour(number)
-        alpha = [point["alpha"] for point in points]
-        ends = [point["alpha_interval"] for point in points]
-        below = [max(0.0, a - low) for a, (low, _) in zip(alpha, ends, strict=True)]
-        above = [max(0.0, high - a) for a, (_, high) in zip(alpha, ends, strict=True)]
-        delta_ft = [point["delta_ft"] for point in points]
+        delta_ft, alpha = ([point[name] for point in points] for name in ("delta_ft", "alpha"))
         axes.errorbar(
-            delta_ft, alpha, xerr=[half_width(point) for point in points], yerr=[below, above], color=colour,
+            delta_ft, alpha, xerr=[half_width(point) for point in points],
+            yerr=np.transpose([alpha_errors(point) for point in points]), color=colour,
             ecolor=tint(colour, 0.45), elinewidth=0.9, capsize=2.0, linewidth=1.4, markersize=6.0,
-            linestyle=DASHES[number % len(DASHES)], marker=MARKERS[number % len(MARKERS)],
-            label=name.replace("$", r"\$"),
+            linestyle=DASHES[shields.index(shield) % len(DASHES)], marker=MARKERS[number % len(MARKERS)],
+            label=f"{policy}, {shield}".replace("$", r"\$"),
         )  # fmt: skip
         aside = _LABELS[number % len(_LABELS)]
         beside: dict[str, Any] = {"xytext": aside, "textcoords": "offset points", "path_effects": outline}
@@ -134,6 +141,6 @@ def draw(reports: Mapping[str, Sequence[Report]], path: Path) -> None:
     figure.savefig(path, format="png", dpi=150)
 
 
-def _title(reports: Mapping[str, Sequence[Report]]) -> str:
-    first = next(point for points in reports.values() for point in points)
+def _title(reports: Sequence[Report]) -> str:
+    first = reports[0]
     return f"alpha against delta_FT on {first['cases']} cases of {set_name(first)}, numbers from {first['first_case']}"

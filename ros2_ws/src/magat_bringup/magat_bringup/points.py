@@ -14,19 +14,13 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from magat_bringup.evaluation import Setting, evaluate_baseline, evaluate_policy, set_name
 from magat_bringup.measured import Report
-from magat_bringup.report_files import read_csv, write_csv
+from magat_bringup.report_files import identity, read_csv, write_csv
 from magat_bringup.sets import StandardSet
 from magat_node import cdr
 from magat_robot.policy.folder import read_folder
 from magat_robot.policy.payload import encoded_bytes
 from magat_training.baselines import BASELINES
 from magat_training.cases import SET_SEED, SPLITS
-
-# What makes two points the same one.
-_IDENTITY = (
-    *("policy", "digest", "temperature", "encoding", "link_loss", "shield"),
-    *("width", "height", "robots", "density", "seed", "first_case", "cases_asked"),
-)
 
 
 @dataclass(frozen=True)
@@ -43,7 +37,7 @@ class Point:
     cases: StandardSet
 
     def identity(self) -> tuple[Any, ...]:
-        """What it has in common with every row of the same point."""
+        """What it has in common with every report of the same point, see `report_files.identity`."""
         known = {
             "policy": self.policy,
             "link_loss": self.setting.rules.link_loss,
@@ -51,9 +45,9 @@ class Point:
             **self.cases.size,
             "seed": SET_SEED,
             "first_case": SPLITS["test"].start,
-            "cases_asked": self.cases.cases,
+            "cases": self.cases.cases,
         }
-        return tuple(known[name] for name in _IDENTITY)
+        return identity(known)
 
     def _carried(self) -> dict[str, Any]:
         if self.folder is None:
@@ -106,23 +100,18 @@ def measured(
         ModelError: a policy cannot be used.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    known = {_identity(row): row for row in read_csv(path)}
-    elsewhere = {_identity(row): row for other in others for row in read_csv(other)}
-    identities = [point.identity() for point in points]
+    known = {identity(row): row for row in read_csv(path)}
+    elsewhere = {identity(row): row for other in others for row in read_csv(other)}
+    asked = [point.identity() for point in points]
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_interactive) as progress:
         task = progress.add_task(title, total=len(points))
-        for point, identity in zip(points, identities, strict=True):
-            if identity not in known:
+        for point, which in zip(points, asked, strict=True):
+            if which not in known:
                 what = f"{title}: {escape(point.policy)}, {set_name(point.cases.size)}"
                 progress.update(task, description=what)
-                known[identity] = elsewhere.get(identity) or point.measure(console, workers)
+                known[which] = elsewhere.get(which) or point.measure(console, workers)
                 write_csv(list(known.values()), path)  # at once: it may be interrupted before the next one
             progress.advance(task)
-    kept = {_identity(row): row for row in read_csv(path)}
-    return [kept[identity] for identity in identities]
-
-
-def _identity(report: Report) -> tuple[Any, ...]:
-    known = report | {"cases_asked": report["cases"] + report["unsolved_by_expert"]}
-    return tuple(known[name] for name in _IDENTITY)
+    kept = {identity(row): row for row in read_csv(path)}
+    return [kept[which] for which in asked]

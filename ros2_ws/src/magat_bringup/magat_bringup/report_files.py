@@ -3,6 +3,7 @@
 import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from magat_bringup.measured import Report
 
@@ -14,6 +15,18 @@ _COLUMNS = (
 )
 # Columns that are texts; all others are numbers.
 _TEXTS = ("policy", "encoding", "shield", "digest")
+
+
+# What makes two reports ones of the same thing, besides the number of cases.
+_IDENTITY = (
+    *("policy", "digest", "temperature", "encoding", "link_loss", "shield"),
+    *("width", "height", "robots", "density", "seed", "first_case"),
+)
+
+
+def identity(report: Mapping[str, Any]) -> tuple[Any, ...]:
+    """What two reports of the same thing have in common: policy, setting, and the cases that were asked for."""
+    return (*(report[name] for name in _IDENTITY), report["cases"] + report.get("unsolved_by_expert", 0))
 
 
 def write_csv(reports: Sequence[Report], path: Path) -> None:

@@ -195,7 +195,8 @@ def test_the_command_writes_table_file_and_picture(
     command = ["frontier", "--cases", "3", "--temperatures", "0.5", "2", "--output", str(output), *size]
     assert cli.main(command) == 0
     printed = [row.split() for row in capsys.readouterr().out.splitlines()]
-    assert [row[:3] for row in printed[2:]] == [[name, "idle", one] for name in policies for one in ("0.5", "2")]
+    each = [[name, shield, one] for name in policies for shield in ("idle", "pibt") for one in ("0.5", "2")]
+    assert [row[:3] for row in printed[2:]] == each
     assert sorted(file.name for file in output.iterdir()) == ["frontier.csv", "frontier.png"]
     with (output / "frontier.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))

@@ -193,7 +193,7 @@ def _parser() -> argparse.ArgumentParser:
     frontier.set_defaults(execute=execution.frontier_command)
     frontier.add_argument("--policy", nargs="+", help="names of policies in models/, or folders (default: all there)")
     frontier.add_argument("--temperatures", type=float, nargs="+", metavar="T", help="(default: 7 from 0.25 to 2)")
-    frontier.add_argument("--shield", choices=SHIELDS, nargs="+", default=["idle"], help="(default: idle)")
+    frontier.add_argument("--shield", choices=SHIELDS, nargs="+", default=list(SHIELDS), help="(default: all)")
     frontier.add_argument("--cases", type=_positive, default=300, help="of the validation split (default: 300)")
     frontier.add_argument("--output", type=Path, default=Path("runs"), help="folder for frontier.csv and frontier.png")
 

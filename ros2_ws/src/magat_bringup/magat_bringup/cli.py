@@ -168,6 +168,11 @@ def _parser() -> argparse.ArgumentParser:
     evaluate.add_argument("--temperature", type=float, help="sampling temperature instead of the policy's own")
     evaluate.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
 
+    pogema = commands.add_parser("pogema", help="score a policy in POGEMA's world (an extra: requirements-pogema.txt)")
+    pogema.set_defaults(execute=execution.pogema_command)
+    pogema.add_argument("--cases", type=_positive, default=100, help="of the test split (default: 100)")
+    pogema.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+
     data = commands.add_parser("data", help="data sets: cases for training, validation and tests, with their solutions")
     actions = data.add_subparsers(dest="action", required=True)
     make_data = actions.add_parser("make", help="draw cases and solve them by the expert; run again to resume")
@@ -208,10 +213,10 @@ def _parser() -> argparse.ArgumentParser:
         command.add_argument(
             "--scen", type=Path, nargs="+", metavar="FILE", help=".scen files, one case of the first robots of each"
         )
-    for command in (run, evaluate, measure):
+    for command in (run, evaluate, pogema, measure):
         command.add_argument("--policy", default="MAGAT-F-128", help="name of a policy in models/, or its folder")
     evaluate.epilog = "instead of a policy: HCA, Replan or PIBT, which plan without learning"
-    for command in (run, evaluate, frontier, make_data):
+    for command in (run, evaluate, pogema, frontier, make_data):
         command.add_argument("--robots", type=_positive, default=10)
         command.add_argument("--width", type=_positive, default=20, help="cells")
         command.add_argument("--height", type=_positive, default=20, help="cells")

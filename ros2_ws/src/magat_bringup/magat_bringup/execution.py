@@ -219,6 +219,19 @@ def _evaluate_set(options: argparse.Namespace, setting: "Setting", console: Cons
     return 0
 
 
+def pogema_command(options: argparse.Namespace, console: Console) -> int:
+    from magat_bringup.pogema import evaluate_in_pogema, table
+
+    size = {name: getattr(options, name) for name in ("width", "height", "robots", "density")}
+    numbers = _case_numbers("test", options.cases)
+    report = evaluate_in_pogema(find_policy(options.policy), numbers, options.seed, size, console)
+    if options.json:
+        print(json.dumps(report))
+    else:
+        Console().print(table(report))
+    return 0
+
+
 def measure_command(options: argparse.Namespace, console: Console) -> int:
     from magat_bringup.measured import measure, table
 

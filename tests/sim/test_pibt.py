@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from magat_sim.case import Case
 from magat_sim.episode import episode_streams
-from magat_sim.grid import Primitive
-from magat_sim.shield import NOBODY, Scene, pibt_shield, ranking
+from magat_sim.grid import DELTAS, Primitive
+from magat_sim.shield import MEMORY, NOBODY, RETURN_PENALTY, SHIELDS, Scene, pibt_memory_shield, pibt_shield, ranking
 from magat_sim.simulator import Rules, Simulator, Wishes
 
 IDLE, UP, DOWN, LEFT, RIGHT = Primitive
@@ -21,12 +21,14 @@ sides = st.integers(1, 9)
 ALIKE = (0.0,) * 5
 
 
-def reference(scene: Scene) -> list[int]:
+def reference(scene: Scene, memory: bool) -> list[int]:
     """PIBT as Okumura et al. write it down: recursive, on sets."""
-    ranked = [
-        sorted(range(5), key=lambda a: (a != scene.wanted[i], -scene.log_probabilities[i, a], a))
-        for i in range(len(scene.place))
-    ]
+
+    def rank(i: int, a: int) -> tuple[bool, float, int]:
+        returns = int(scene.returns[i, a]) if memory else 0
+        return a != scene.wanted[i] or returns > 0, RETURN_PENALTY * returns - float(scene.log_probabilities[i, a]), a
+
+    ranked = [sorted(range(5), key=lambda a, i=i: rank(i, a)) for i in range(len(scene.place))]
     order = sorted(range(len(scene.place)), key=lambda i: (not scene.silent[i], -scene.waited[i], scene.draw[i]))
     now = {int(place): i for i, place in enumerate(scene.place)}
     following: dict[int, int] = {}
@@ -75,6 +77,7 @@ def random_scene(rng: np.random.Generator, side: int, robots: int, density: floa
         log_probabilities=rng.choice([-0.1, -1.0, -2.5, -20.0], size=(len(place), 5)).astype(np.float32),
         silent=silent,
         waited=rng.integers(4, size=len(place)),
+        returns=np.maximum(rng.integers(-2, 4, size=(len(place), 5)), 0),
         draw=rng.random(len(place)),
     )
 
@@ -94,9 +97,10 @@ def assert_legal(scene: Scene, made: np.ndarray) -> None:
 @given(seed=seeds, side=sides, share=st.floats(0.05, 1), density=st.floats(0, 0.4))
 def test_it_decides_as_the_published_recursion_does(seed: int, side: int, share: float, density: float) -> None:
     scene = random_scene(np.random.default_rng(seed), side, int(share * side * side), density)
-    made = pibt_shield(scene)
-    assert made.tolist() == reference(scene)
-    assert_legal(scene, made)
+    for memory, shield in ((False, pibt_shield), (True, pibt_memory_shield)):
+        made = shield(scene)
+        assert made.tolist() == reference(scene, memory)
+        assert_legal(scene, made)
 
 
 @settings(max_examples=80)
@@ -108,6 +112,7 @@ def test_whatever_robots_send_they_never_collide(seed: int, side: int, share: fl
     sent = rng.choice(odd, size=scene.log_probabilities.shape)
     scene = dataclasses.replace(scene, log_probabilities=sent)
     assert_legal(scene, pibt_shield(scene))
+    assert_legal(scene, pibt_memory_shield(scene))
 
 
 @pytest.mark.parametrize(
@@ -123,6 +128,67 @@ def test_whatever_robots_send_they_never_collide(seed: int, side: int, share: fl
 )
 def test_the_primitive_drawn_comes_first_and_the_rest_has_a_defined_order(sent: list, ranked: list) -> None:
     assert ranking(np.array([LEFT]), [sent]).tolist() == [ranked]
+
+
+@pytest.mark.parametrize(
+    ("returns", "ranked"),
+    [
+        ([0, 0, 0, 0, 0], [LEFT, UP, DOWN, IDLE, RIGHT]),
+        ([0, 0, 0, 0, 3], [LEFT, UP, DOWN, IDLE, RIGHT]),
+        ([0, 0, 0, 1, 0], [UP, LEFT, DOWN, IDLE, RIGHT]),  # -1.5 - 1 is more than -2.6
+        ([0, 2, 0, 2, 0], [DOWN, UP, IDLE, LEFT, RIGHT]),
+    ],
+)
+def test_a_return_has_no_precedence_and_each_costs(returns: list, ranked: list) -> None:
+    assert ranking(np.array([LEFT]), [[-3.3, -1.0, -2.6, -1.5, -9.0]], [returns]).tolist() == [ranked]
+
+
+class Scenes(list[Scene]):
+    """Keeps what a shield is shown."""
+
+    def __call__(self, scene: Scene) -> np.ndarray:
+        self.append(scene)
+        return scene.wanted
+
+
+def test_what_counts_as_a_return(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenes = Scenes()
+    monkeypatch.setitem(SHIELDS, "pibt", scenes)
+    simulator = line([(1, 0), (4, 0)], [(3, 0), (4, 0)], height=2)
+    for primitive in (IDLE, RIGHT, LEFT, RIGHT, RIGHT, LEFT, IDLE):
+        simulator.step([primitive, UP if simulator.tick == 0 else IDLE])
+    returns = [scene.returns[0].tolist() for scene in scenes]
+    # To idle, up, down, left, right. It stands at x = 1, 1, 2, 1, 2, its goal, 2.
+    assert returns[:5] == [[0, 0, 0, 0, 0], [1, 0, 0, 0, 0], [0, 0, 0, 1, 0], [2, 0, 0, 0, 0], [1, 0, 0, 2, 0]]
+    assert returns[5:] == [[0, 0, 0, 0, 0], [0, 0, 0, 0, 0]], "it has been on its goal"
+
+
+def test_returns_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenes = Scenes()
+    monkeypatch.setitem(SHIELDS, "pibt", scenes)
+    case = Case(np.zeros((1, 9), dtype=bool), np.array([(0, 0)]), np.array([(8, 0)]))
+    simulator = Simulator([case], [2 * MEMORY], [episode_streams(1, 0, 1)], PIBT)
+    for primitive in (RIGHT, LEFT, RIGHT, *[IDLE] * (MEMORY + 2)):
+        simulator.step([primitive])
+    left = [int(scene.returns[0, LEFT]) for scene in scenes]
+    assert [left[3], left[MEMORY - 1], left[MEMORY]] == [1, 1, 0]
+    assert max(int(scene.returns[0, IDLE]) for scene in scenes) == MEMORY - 1
+
+
+def test_with_memory_a_robot_leaves_a_pocket_that_it_would_go_to_and_fro_in() -> None:
+    obstacles = np.zeros((5, 7), dtype=bool)
+    obstacles[1:4, 4] = obstacles[[1, 3], 3] = True  # open to the left
+    ticks = {}
+    for shield in ("pibt", "pibt-memory"):
+        case = Case(obstacles, np.array([(0, 2)]), np.array([(6, 2)]))
+        simulator = Simulator([case], [60], [episode_streams(1, 0, 1)], Rules(shield=shield))
+        while not simulator.done:
+            distance = np.abs(simulator.position[0] + DELTAS - simulator.goal[0]).sum(axis=1)
+            liking = -distance - 0.1 * (np.arange(5) == IDLE)
+            simulator.step(Wishes([int(liking.argmax())], [liking]))
+        ticks[shield] = simulator.tick
+    assert ticks["pibt"] == 60
+    assert ticks["pibt-memory"] < 30
 
 
 @settings(max_examples=60)
@@ -229,5 +295,5 @@ def test_wishes_of_another_shape_are_refused(wishes: Wishes, said: str) -> None:
 
 
 def test_a_shield_that_does_not_exist_is_refused() -> None:
-    with pytest.raises(ValueError, match="no shield 'none': it is one of idle, pibt"):
+    with pytest.raises(ValueError, match="no shield 'none': it is one of idle, pibt, pibt-memory"):
         Rules(shield="none")

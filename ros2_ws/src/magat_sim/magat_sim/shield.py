@@ -9,6 +9,10 @@ import numpy.typing as npt
 from magat_sim.grid import BoolArray, IntArray, Primitive
 
 NOBODY = -1
+#: How far back the shield remembers where a robot was, steps.
+MEMORY = 64
+#: What each return takes from the logarithm of a probability.
+RETURN_PENALTY = 1.0
 # Instead of places where no robot may be.
 _WALL = -1
 
@@ -36,6 +40,9 @@ class Scene:
     silent: BoolArray
     #: ``[R]`` steps since each was on its goal, or since the start.
     waited: IntArray
+    #: ``[R, 5]`` how often each would have come back to where each primitive leads: at how many of the last `MEMORY`
+    #: instants, now included, it was there, without the first, and without those until it was last on its goal.
+    returns: IntArray
     #: ``[R]`` random numbers of the episode, all different within a world.
     draw: npt.NDArray[np.float64]
 
@@ -74,8 +81,20 @@ def pibt_shield(scene: Scene) -> IntArray:
     again. A silent robot is a wall. (Okumura et al.: Priority inheritance with backtracking, AIJ 2022; with learned
     policies: Veerapaneni et al., 2024, whose CS-PIBT ranks likewise.)
     """
+    return _pibt(scene, ranking(scene.wanted, scene.log_probabilities))
+
+
+def pibt_memory_shield(scene: Scene) -> IntArray:
+    """As `pibt_shield`, but robots that come back to where they were go elsewhere.
+
+    A policy that knows no more than it sees goes to and fro in a pocket of obstacles that is wider than that, until the
+    episode ends. (Korf's real-time search, AIJ 1990, leaves such pockets in the same way.)
+    """
+    return _pibt(scene, ranking(scene.wanted, scene.log_probabilities, scene.returns))
+
+
+def _pibt(scene: Scene, ranked: IntArray) -> IntArray:
     order = np.lexsort((scene.draw, -scene.waited, ~scene.silent))
-    ranked = ranking(scene.wanted, scene.log_probabilities)
     leads = np.where(scene.free, scene.leads, _WALL)
     choices = [
         list(zip(*columns, strict=True))
@@ -113,23 +132,25 @@ def pibt_shield(scene: Scene) -> IntArray:
     return np.array(made, dtype=np.int64)
 
 
-def ranking(wanted: IntArray, log_probabilities: npt.ArrayLike) -> IntArray:
+def ranking(wanted: IntArray, log_probabilities: npt.ArrayLike, returns: npt.ArrayLike = 0) -> IntArray:
     """In which order robots would like to make the primitives.
 
-    The primitive drawn comes first, so that a robot that nobody hinders makes what it drew, as under any shield; the
-    others follow by falling probability, equal ones in the order of the primitives. What is no number counts as the
-    least.
+    The primitive drawn comes first, unless it is a return, so that a robot that nobody hinders makes what it drew, as
+    under any shield. The others follow by falling probability, less `RETURN_PENALTY` for each return; equal ones in the
+    order of the primitives. What is no number counts as the least.
 
     Args:
         wanted: ``[R]`` the primitives drawn.
         log_probabilities: ``[R, 5]``, any numbers.
+        returns: ``[R, 5]`` as in `Scene`, or 0: none counts.
 
     Returns:
         ``[R, 5]``, each row all primitives.
     """
     liking = np.nan_to_num(np.asarray(log_probabilities, dtype=np.float64), nan=-np.inf, posinf=np.inf, neginf=-np.inf)
-    drawn = np.arange(liking.shape[1]) == wanted[:, None]
-    return np.lexsort((-liking, ~drawn), axis=1)
+    counted = np.broadcast_to(returns, liking.shape)
+    first = (np.arange(liking.shape[1]) == wanted[:, None]) & (counted == 0)
+    return np.lexsort((RETURN_PENALTY * counted - liking, ~first), axis=1)
 
 
 def blocked(wanted: IntArray, moved: IntArray) -> BoolArray:
@@ -137,4 +158,4 @@ def blocked(wanted: IntArray, moved: IntArray) -> BoolArray:
     return (wanted != Primitive.IDLE) & (wanted != moved)
 
 
-SHIELDS: Mapping[str, Shield] = {"idle": idle_shield, "pibt": pibt_shield}
+SHIELDS: Mapping[str, Shield] = {"idle": idle_shield, "pibt": pibt_shield, "pibt-memory": pibt_memory_shield}

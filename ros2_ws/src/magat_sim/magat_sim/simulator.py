@@ -12,7 +12,10 @@ from magat_sim.field_of_view import RADIUS, Uint8Array, field_of_view, pad
 from magat_sim.grid import DELTAS, BoolArray, IntArray, Primitive
 from magat_sim.measures import EpisodeMeasures, Flowtime, episode_measures
 from magat_sim.radio import neighbours, without_lost
-from magat_sim.shield import NOBODY, SHIELDS, Scene, blocked
+from magat_sim.shield import MEMORY, NOBODY, SHIELDS, Scene, blocked
+
+#: In place of a cell.
+NOWHERE = -1
 
 
 @dataclass(frozen=True)
@@ -131,6 +134,8 @@ class Simulator:
         self._first_visit = np.where(on_goal, 0, -1)
         self._arrival = np.where(on_goal, 0, -1)  # since when on the goal; -1 while away
         self._last_visit = np.zeros(len(on_goal), dtype=np.int64)  # the start, before any
+        self._trail = np.full((len(on_goal), MEMORY), NOWHERE)  # cells where each was, since its goal
+        self._remember(np.arange(len(on_goal)), on_goal)
         self._blocked = np.zeros(len(cases), dtype=np.int64)
         self._ticks = np.zeros(len(cases), dtype=np.int64)
         self._strict = self._all_in_world(on_goal)
@@ -222,6 +227,7 @@ class Simulator:
             log_probabilities=liking,
             silent=silent,
             waited=self.tick - self._last_visit[robots],
+            returns=np.maximum((self._trail[robots][:, None] == leads[:, :, None]).sum(axis=2) - 1, 0),
             draw=draw[robots],
         )
 
@@ -250,9 +256,15 @@ class Simulator:
         self._first_visit[now & (self._first_visit < 0)] = self.tick
         self._arrival[now & (self._arrival < 0)] = self.tick
         self._arrival[robots[~on_goal[robots]]] = -1
+        self._remember(robots, on_goal[robots])
         self._ticks[np.unique(self.world[robots])] = self.tick
         self._strict |= self._all_in_world(on_goal)
         self._update_active()
+
+    def _remember(self, robots: IntArray, on_goal: BoolArray) -> None:
+        self._trail[robots[on_goal]] = NOWHERE
+        away = robots[~on_goal]
+        self._trail[away, self.tick % MEMORY] = self._cell(self.position[away], self.world[away])
 
     def _update_active(self) -> None:
         running = ~self._strict & (self.tick < self.t_max)

@@ -311,7 +311,7 @@ def workspace_sources() -> Iterator[bytes]:
     for package in sorted(path.parent for path in WORKSPACE.glob("src/*/package.xml")):
         folder_is_linked = (package / "setup.py").is_file()
         for path in sorted(package.rglob("*")):
-            is_module = path.suffix == ".py" and path.is_relative_to(package / package.name)
+            is_module = path.is_relative_to(package / package.name) and (folder_is_linked or path.suffix == ".py")
             if not path.is_file() or path.suffix == ".pyc" or (is_module and folder_is_linked):
                 continue
             yield str(path.relative_to(WORKSPACE)).encode()

@@ -31,6 +31,7 @@ setup(
         "console_scripts": [
             "magat = magat_bringup.cli:main",
             "recorder = magat_bringup.recorder:main",
+            "viewer = magat_bringup.view:main",
             "discovery_server = magat_bringup.discovery:main",
         ]
     },

@@ -1,4 +1,4 @@
-"""A team: its robots, simulator and expert and, if wanted, a recorder, the view and RViz.
+"""A team: its robots, simulator and expert and, if wanted, a recorder, the page, the view and RViz.
 
 `--show-args` lists the arguments. What each process is told comes from `magat_bringup.team`, as for `magat run`.
 """
@@ -59,7 +59,10 @@ def generate_launch_description() -> LaunchDescription:
             ),
             DeclareLaunchArgument("params", default_value="", description="ROS parameter file for every node"),
             DeclareLaunchArgument(
-                "view", default_value="true", choices=SWITCH, description="map, markers, tf and diagnostics"
+                "rviz", default_value="true", choices=SWITCH, description="map, markers, tf and diagnostics for RViz"
+            ),
+            DeclareLaunchArgument(
+                "view", default_value="", description="TCP port of the page that shows the team; no page if empty"
             ),
             DeclareLaunchArgument(
                 "respawn", default_value="true", choices=SWITCH, description="start again what a signal has killed"
@@ -76,7 +79,9 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "record", default_value="", description="folder of the bag that a recorder writes; none if empty"
             ),
-            DeclareLaunchArgument("rviz", default_value="false", choices=SWITCH, description="RViz, with its layout"),
+            DeclareLaunchArgument(
+                "rviz_window", default_value="false", choices=SWITCH, description="RViz itself, with its layout"
+            ),
             OpaqueFunction(function=start),
         ]
     )
@@ -102,25 +107,26 @@ def start(context: LaunchContext) -> list[Node]:
         encoding=given("encoding"),
         backend=given("backend"),
         params=Path(given("params")) if given("params") else None,
-        view=given("view") == "true",
+        rviz=given("rviz") == "true",
+        view=int(given("view")) if given("view") else None,
         respawn=given("respawn") == "true",
         robots=given("robots") == "true",
         server=given("server") == "true",
         record=Path(given("record")) if given("record") else None,
     )
     nodes = [node(command, plan.respawn) for command in plan.commands()]
-    if given("rviz") == "true":
+    if given("rviz_window") == "true":
         layout = ["-d", str(CONFIG / "team.rviz")]
         nodes.append(Node(package="rviz2", executable="rviz2", arguments=layout, output="log"))
     return nodes
 
 
 def node(command: Command, respawn: bool) -> Node:
-    """The launch action that starts a process; without it there is no team, except for the view."""
+    """The launch action that starts a process; without it there is no team, except for what only shows it."""
     if respawn and command.again and command.name != "robots":  # which starts its processes again by itself
         ending = {"respawn": True, "respawn_delay": 1.0, "respawn_max_retries": RESTARTS}
     else:
-        ending = {} if command.name == "view" else {"on_exit": Shutdown(reason=f"{command.name} ended")}
+        ending = {} if command.name in ("view", "viewer") else {"on_exit": Shutdown(reason=f"{command.name} ended")}
     return Node(
         package=command.package,
         executable=command.executable,

@@ -86,11 +86,12 @@ class TeamRecording:
         #: Names, in the simulator's order.
         self.names = whole[0].robots
         self._by_id = {r.episode: Episode(number, r) for number, r in enumerate(whole)}
-        statuses = [message.message for message in self._messages if _kind(message) == "RobotStatus"]
-        #: What robots said last of their policy, its digest, the encoding and the radio; None if they said nothing.
-        self.equipment: Any = statuses[-1] if statuses else None
+        #: What robots said of themselves.
+        self.statuses = [message for message in self._messages if _kind(message) == "RobotStatus"]
+        #: What they said last of their policy, its digest, the encoding and the radio; None if they said nothing.
+        self.equipment: Any = self.statuses[-1].message if self.statuses else None
         #: Names of the policies that were carried one after the other, by their digests.
-        self.policies: dict[str, str] = {status.digest: status.policy for status in statuses}
+        self.policies: dict[str, str] = {s.message.digest: s.message.policy for s in self.statuses}
         team = worlds[0].topic.removesuffix("world")
         self._robot_of = {f"{team}{name}": robot for robot, name in enumerate(self.names)}
         for message in self._messages:

@@ -95,7 +95,7 @@ def analyze(bag: Path, policy: str | None, console: Console) -> Findings:
     """
     with console.status(f"reading {bag}"):
         recording = TeamRecording(bag)
-    carried, why = _policy(recording, policy)
+    carried, why = carried_policy(recording, policy)
     with console.status("computing attention"):
         talks = carried is not None and carried.config.taps > 1
         return Findings(
@@ -103,7 +103,12 @@ def analyze(bag: Path, policy: str | None, console: Console) -> Findings:
         )
 
 
-def _policy(recording: TeamRecording, name: str | None) -> tuple[Policy | None, str]:
+def carried_policy(recording: TeamRecording, name: str | None) -> tuple[Policy | None, str]:
+    """The policy that robots carried: ``name``, or by its digest if None; or None, and why it is not known.
+
+    Raises:
+        ModelError: there is no policy ``name``.
+    """
     if name is not None:
         return load(find_policy(name)), ""
     if recording.equipment is None:

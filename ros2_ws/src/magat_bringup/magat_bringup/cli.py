@@ -19,6 +19,7 @@ from magat_sim.case import InvalidCaseError
 from magat_sim.shield import SHIELDS
 from magat_training.cases import SET_SEED, SPLITS
 from magat_training.data import DataSetError
+from magat_viewer.address import HOST, PORT, ServerError
 
 #: Beyond it, a domain's ports are among those that systems hand out by themselves.
 LAST_DOMAIN = 101
@@ -45,6 +46,7 @@ def main(args: list[str] | None = None) -> int:
         InvalidCaseError,
         DataSetError,
         BagError,
+        ServerError,
     ) as error:
         console.print(f"[bold red]magat:[/] {escape(str(error))}", highlight=False)
         return 1
@@ -69,7 +71,8 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--radio", choices=["direct", "relayed"], default="direct", help="relayed: by the simulator")
     run.add_argument("--backend", choices=BACKENDS, default="torch", help="what computes the policy")
     run.add_argument("--params", type=Path, metavar="FILE", help="ROS parameter file for every process")
-    run.add_argument("--view", action="store_true", help="publish map, markers, tf and diagnostics for RViz, Foxglove")
+    run.add_argument("--view", action="store_true", help="show the team in a browser of this machine")
+    run.add_argument("--rviz", action="store_true", help="publish map, markers, tf and diagnostics for RViz, Foxglove")
     run.add_argument(
         "--respawn",
         action=argparse.BooleanOptionalAction,
@@ -144,9 +147,18 @@ def _parser() -> argparse.ArgumentParser:
     replay.add_argument(
         "--delay", type=_seconds, default=1.0, metavar="SECONDS", help="wait so long for tools to find it (default: 1)"
     )
-    replay.add_argument("--view", action="store_true", help="start a view, in place of what a recorded one published")
+    replay.add_argument("--view", action="store_true", help="show it in a browser of this machine, as if it were live")
+    replay.add_argument("--rviz", action="store_true", help="start a view, in place of what a recorded one published")
 
-    for joining in (record, deploy, replay):
+    view = commands.add_parser("view", help="show a team that runs, or a recorded one, in a browser")
+    view.set_defaults(execute=execution.view_command)
+    view.add_argument("bag", type=Path, nargs="?", help="of the recorded team (default: join one that runs)")
+    view.add_argument("--host", default=HOST, help=f"name or address to listen on (default: {HOST}, this machine only)")
+    view.add_argument("--port", type=_port, help=f"to listen on (default: the first free one from {PORT} on)")
+    view.add_argument("--namespace", help="of the team that runs, such as /warehouse (default: that of the only one)")
+    view.add_argument("--policy", help="name or folder of what recorded robots carried (default: by its digest)")
+
+    for joining in (record, deploy, replay, view):
         joining.add_argument("--domain", type=_domain, help="ROS domain of the team (default: the environment's)")
         joining.add_argument(
             "--server",
@@ -297,6 +309,13 @@ def _domain(text: str) -> int:
     value = int(text)
     if not 0 <= value <= LAST_DOMAIN:
         raise argparse.ArgumentTypeError(f"{value} is no ROS domain: there are 0 to {LAST_DOMAIN}")
+    return value
+
+
+def _port(text: str) -> int:
+    value = int(text)
+    if not 0 < value < 2**16:
+        raise argparse.ArgumentTypeError(f"{value} is no TCP port: there are 1 to {2**16 - 1}")
     return value
 
 

@@ -27,6 +27,7 @@ def run_command(options: argparse.Namespace, console: Console) -> int:
     from magat_bringup.run import RunPlan, run  # ROS is not needed, nor looked for, by the other commands
     from magat_bringup.scenarios import Scenarios
     from magat_bringup.team import TeamFile, TeamPlan
+    from magat_viewer.address import free_port
 
     team = TeamPlan(
         TeamFile.read(options.team) if options.team else TeamFile.numbered(options.robots, options.crew),
@@ -41,11 +42,12 @@ def run_command(options: argparse.Namespace, console: Console) -> int:
                 "encoding",
                 "backend",
                 "params",
-                "view",
+                "rviz",
                 "respawn",
                 "ready_timeout",
             )
         },
+        view=free_port() if options.view else None,
         # Path() is what --record alone gives.
         record=options.output / "bag" if options.record == Path() else options.record,
     )
@@ -117,7 +119,18 @@ def replay_command(options: argparse.Namespace, console: Console) -> int:
     from magat_bringup.replay import replay
 
     _join(options.domain, options.server)
-    replay(options.bag, options.rate, options.view, options.delay, console)
+    replay(options.bag, options.rate, options.rviz, options.view, options.delay, console)
+    return 0
+
+
+def view_command(options: argparse.Namespace, console: Console) -> int:
+    from magat_bringup.view import view_bag, view_team
+
+    if options.bag is not None:
+        view_bag(options.bag, options.policy, options.host, options.port, console)
+    else:
+        _join(options.domain, options.server)
+        view_team(options.namespace, options.host, options.port, console)
     return 0
 
 

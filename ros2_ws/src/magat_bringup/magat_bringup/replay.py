@@ -1,8 +1,9 @@
-"""``magat replay``: publishes what was to be seen of a recorded team again, for RViz, Foxglove and the view."""
+"""``magat replay``: publishes what was to be seen of a recorded team again, for RViz, Foxglove and the page."""
 
 import os
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 
 import rclpy
@@ -17,19 +18,21 @@ from magat_bringup import interruption
 from magat_bringup.bag import BagError, bag_span, bag_topics, read_bag
 from magat_bringup.processes import TeamError
 from magat_bringup.topics import shown_topics, view_topics
+from magat_bringup.view import live_page
 from magat_sim.view import ViewNode
 
 #: How long a view may take to listen, seconds.
 PATIENCE = 10.0
 
 
-def replay(bag: Path, rate: float, view: bool, delay: float, console: Console) -> int:
+def replay(bag: Path, rate: float, rviz: bool, view: bool, delay: float, console: Console) -> int:
     """Publish the world and what tools said of it (never what robots listen to), ``rate`` times as fast as it was.
 
     Args:
         bag: folder or file.
         rate: above 0.
-        view: whether a view draws the world anew; what a recorded one published is left out then.
+        rviz: whether a view draws the world anew; what a recorded one published is left out then.
+        view: whether there is a page for browsers.
         delay: seconds before it begins, in which tools find it.
         console: shows how far it is.
 
@@ -38,7 +41,8 @@ def replay(bag: Path, rate: float, view: bool, delay: float, console: Console) -
 
     Raises:
         BagError: it cannot be read, or there is nothing to be seen in it.
-        TeamError: the view does not listen.
+        TeamError: the view or the page does not listen.
+        ServerError: the page cannot be served.
         KeyboardInterrupt: interrupted.
     """
     count, first, last = bag_span(bag)
@@ -48,30 +52,30 @@ def replay(bag: Path, rate: float, view: bool, delay: float, console: Console) -
         raise BagError(f"{bag} has no topic of a world: there is nothing to be seen in its {count} messages")
     namespace = world.removesuffix("world")
     context = rclpy.Context()
-    with interruption.deferred():
+    with interruption.deferred(), ExitStack() as stack:
         rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
-        try:
-            node = rclpy.create_node("replay", context=context)
-            executor = EventsExecutor(context=context)
-            executor.add_node(node)
-            left_out = {topic.name for topic in view_topics()} if view else set()
-            publishers = {}
-            for topic in shown_topics():
-                name = topic.name if topic.name.startswith("/") else namespace + topic.name
-                if name in recorded and topic.name not in left_out | {"/rosout"}:
-                    publishers[name] = node.create_publisher(topic.kind, name, topic.profile)
-            if view:
-                drawing = ViewNode(context=context, namespace=namespace.rstrip("/") or "/")
-                executor.add_node(drawing)
-                if not _spin(executor, lambda: publishers[world].get_subscription_count() > 0, PATIENCE):
-                    raise TeamError(f"the view does not listen after {PATIENCE:g} s")
-            domain = os.environ.get("ROS_DOMAIN_ID", "0")
-            console.print(f"In ROS domain {domain}: {', '.join(sorted(publishers))}", highlight=False)
-            begin = time.monotonic() + delay
-            _spin(executor, lambda: time.monotonic() >= begin, 2 * delay)
-            return _publish(bag, rate, publishers, executor, console, (first, last))
-        finally:
-            context.try_shutdown()
+        stack.callback(context.try_shutdown)
+        node = rclpy.create_node("replay", context=context)
+        executor = EventsExecutor(context=context)
+        executor.add_node(node)
+        left_out = {topic.name for topic in view_topics()} if rviz else set()
+        publishers = {}
+        for topic in shown_topics():
+            name = topic.name if topic.name.startswith("/") else namespace + topic.name
+            if name in recorded and topic.name not in left_out | {"/rosout"}:
+                publishers[name] = node.create_publisher(topic.kind, name, topic.profile)
+        if rviz:
+            executor.add_node(ViewNode(context=context, namespace=namespace.rstrip("/") or "/"))
+        if view:
+            page = stack.enter_context(live_page(context, namespace.rstrip("/") or "/"))
+            console.print(f"The page is at {page.url}", highlight=False)
+        if not _spin(executor, lambda: publishers[world].get_subscription_count() >= rviz + view, PATIENCE):
+            raise TeamError(f"what shows the world does not listen after {PATIENCE:g} s")
+        domain = os.environ.get("ROS_DOMAIN_ID", "0")
+        console.print(f"In ROS domain {domain}: {', '.join(sorted(publishers))}", highlight=False)
+        begin = time.monotonic() + delay
+        _spin(executor, lambda: time.monotonic() >= begin, 2 * delay)
+        return _publish(bag, rate, publishers, executor, console, (first, last))
 
 
 def _publish(

@@ -32,6 +32,7 @@ from magat_bringup.scenarios import Scenarios
 from magat_bringup.team import TeamPlan
 from magat_interfaces.action import RunEpisode
 from magat_sim.measures import wilson
+from magat_viewer.address import HOST as PAGE_HOST
 
 
 @dataclass(frozen=True)
@@ -145,7 +146,9 @@ def _invite(team: TeamPlan, network: Network, console: Console) -> None:
         console.print(f"It waits {team.patience:g} s for its robots. Each host starts those that it carries:")
         console.print(f'  eval "$({join})"', soft_wrap=True, highlight=False, markup=False)
         console.print(f"  python -m {shlex.join(start.python)}", soft_wrap=True, highlight=False, markup=False)
-    if team.view:
+    if team.view is not None:
+        console.print(f"[bold]The page is at http://{PAGE_HOST}:{team.view}/[/]: open it in a browser")
+    if team.rviz:
         console.print("RViz and other tools find the view in this environment:")
         console.print(f'  eval "$({join} --tools)"', soft_wrap=True, highlight=False, markup=False)
 

@@ -133,7 +133,9 @@ class TeamPlan:
     #: How long an episode waits for robots that are missing, seconds; see `patience` if None.
     ready_timeout: float | None = None
     #: Whether there is a view for RViz and the like, too.
-    view: bool = False
+    rviz: bool = False
+    #: TCP port of the page that shows the team to browsers of this machine; no page if None.
+    view: int | None = None
     #: Whether processes are started again that a signal has killed.
     respawn: bool = True
     #: Whether the robots are started here; if not, others start them, on this host or on others.
@@ -146,7 +148,7 @@ class TeamPlan:
     @property
     def nodes(self) -> int:
         """Processes with a ROS node, wherever they are: those that are started, and who asks for episodes."""
-        return self.team.processes + 3 + self.view + (self.record is not None)
+        return self.team.processes + 3 + self.rviz + (self.view is not None) + (self.record is not None)
 
     @property
     def patience(self) -> float:
@@ -218,7 +220,7 @@ class TeamPlan:
                 ros_arguments=(*shared, *bag, *roster, *heard),
             )
             started.insert(0, recorder)
-        if self.view:
+        if self.rviz:
             started.append(
                 Command(
                     name="view",
@@ -226,6 +228,16 @@ class TeamPlan:
                     executable="view",
                     module="magat_sim.view",
                     ros_arguments=(*shared, *sized),
+                )
+            )
+        if self.view is not None:
+            started.append(
+                Command(
+                    name="viewer",
+                    package="magat_bringup",
+                    executable="viewer",
+                    module="magat_bringup.view",
+                    ros_arguments=(*shared, "-p", f"port:={self.view}"),
                 )
             )
         return started

@@ -1,0 +1,127 @@
+"""``magat view``, and the process ``viewer`` of a team: the page that shows it, live or recorded."""
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import rclpy
+from rclpy.context import Context
+from rclpy.signals import SignalHandlerOptions
+from rich.console import Console
+
+from magat_bringup import interruption
+from magat_bringup.analysis import TeamRecording
+from magat_bringup.analyze import carried_policy
+from magat_bringup.join import find_team
+from magat_bringup.models import policy_of_digest
+from magat_bringup.recorded import RecordedTeam
+from magat_node.parameters import declare_value
+from magat_viewer.address import HOST, ServerError
+from magat_viewer.node import LiveTeam
+from magat_viewer.server import PageServer
+
+
+def view_bag(bag: Path, policy: str | None, host: str, port: int | None, console: Console) -> None:
+    """Show a recorded team until interrupted.
+
+    Args:
+        bag: folder or file.
+        policy: name or folder of what the robots carried; found by its digest if None.
+        host: to listen on.
+        port: to listen on; the first free one if None.
+        console: says where the page is.
+
+    Raises:
+        BagError: it cannot be read.
+        ModelError: there is no policy ``policy``.
+        ServerError: the page cannot be served.
+        KeyboardInterrupt: interrupted.
+    """
+    with PageServer(recorded_team(bag, policy, console), host, port) as page:
+        _wait(page, console)
+
+
+def recorded_team(bag: Path, policy: str | None, console: Console) -> RecordedTeam:
+    """A recording, ready to be shown; arguments and errors as of `view_bag`."""
+    with console.status(f"reading {bag}"):
+        recording = TeamRecording(bag)
+        carried, why = carried_policy(recording, policy)
+        return RecordedTeam(recording, why if carried is None else carried, str(bag))
+
+
+def view_team(namespace: str | None, host: str, port: int | None, console: Console) -> None:
+    """Show the team of this environment's ROS domain until interrupted.
+
+    Args:
+        namespace: of the team; None if there is only one.
+        host: to listen on.
+        port: to listen on; the first free one if None.
+        console: says where the page is.
+
+    Raises:
+        TeamError: there is no team, or more than one and no ``namespace``.
+        ServerError: the page cannot be served.
+        KeyboardInterrupt: interrupted.
+    """
+    with console.status("looking for a team"):
+        found = find_team(namespace)
+    context = rclpy.Context()
+    with interruption.deferred():
+        rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
+        try:
+            with live_page(context, found.namespace, host, port) as page:
+                _wait(page, console)
+        finally:
+            context.try_shutdown()
+
+
+@contextmanager
+def live_page(context: Context, namespace: str, host: str = HOST, port: int | None = None) -> Iterator[PageServer]:
+    """The page of the team in ``namespace``, as long as the ``with`` statement lasts.
+
+    Raises:
+        ServerError: it cannot be served.
+    """
+    team = LiveTeam(context, policy_of_digest, namespace)
+    try:
+        with PageServer(team, host, port) as page:
+            yield page
+    finally:
+        team.destroy()
+
+
+def _wait(page: PageServer, console: Console) -> None:
+    console.print(f"The page is at {page.url} until Ctrl-C", highlight=False)
+    with interruption.deferred():
+        while True:
+            interruption.check()
+            page.check()
+            time.sleep(0.1)
+
+
+def main(args: list[str] | None = None) -> int:
+    """Show the team of this namespace until told to end. Returns the exit status."""
+    interruption.watch()
+    with interruption.deferred():
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        team = LiveTeam(rclpy.get_default_context(), policy_of_digest)
+        try:
+            host = declare_value(team.node, "host", HOST, "name or address to listen on")
+            port = declare_value(team.node, "port", 0, "TCP port to listen on; the first free one from 8300 on if 0")
+            with PageServer(team, host, port or None) as page:
+                team.node.get_logger().info(f"the page is at {page.url}")
+                _wait(page, Console(quiet=True))
+        except KeyboardInterrupt:
+            return 0
+        except ServerError as error:
+            team.node.get_logger().fatal(str(error))
+            return 1
+        finally:
+            team.destroy()
+            rclpy.try_shutdown()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,244 @@
+"""A team that runs, from its topics: one that any tool may listen to, and says nothing itself."""
+
+import time
+from collections import deque
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
+from rclpy.subscription import Subscription
+
+from magat_interfaces.msg import Feature, FeatureBundle, Observation, Preference, RobotStatus, World
+from magat_node import cdr, qos
+from magat_robot.policy.config import OBSERVATION_SHAPE, ModelError
+from magat_robot.policy.policy import Policy
+from magat_sim.view import fault
+from magat_viewer.detail import Moment, Said, detail
+from magat_viewer.health import Health
+from magat_viewer.state import EpisodeState
+
+#: Episodes whose results are kept.
+_RESULTS = 50
+#: Ticks of which is kept what was said, while a robot is looked at: more than pass between two looks.
+_TICKS = 32
+#: Messages that the middleware keeps until the next look: a thirtieth of a second of any team that one machine runs.
+_DEPTH, _SHARED_DEPTH = 100, 2000
+
+
+@dataclass
+class _Ear:
+    """What is heard of one robot that people look at."""
+
+    subscriptions: list[Subscription]
+    #: The newest, as objects and, of bundles, as bytes.
+    observations: deque[Any] = field(default_factory=lambda: deque(maxlen=_TICKS))
+    bundles: deque[bytes] = field(default_factory=lambda: deque(maxlen=_TICKS))
+
+
+class LiveTeam:
+    """The team of a namespace, a `Source`. No robot and no simulator notices whether anybody looks.
+
+    What all topics carry is heard always: worlds and statuses. What robots are told, say and want is heard only while
+    people look at one of them.
+    """
+
+    live = True
+
+    def __init__(
+        self, context: Context, find_policy: Callable[[str], Path | None], namespace: str | None = None
+    ) -> None:
+        """Listen.
+
+        Args:
+            context: of ROS.
+            find_policy: the folder of the policy whose weights have a digest; None if there is none.
+            namespace: of the team; that of the command line if None.
+        """
+        # Messages are taken when they are needed: an executor would call back for each, at twice the cost.
+        self.node: Node = rclpy.create_node(
+            "viewer", context=context, namespace=namespace, start_parameter_services=False
+        )
+        self._find_policy = find_policy
+        self.title = f"team {self.node.get_namespace()}, live"
+        self._world = self._listen(World, "world", qos.reliable(_DEPTH))
+        self._status = self._listen(RobotStatus, "robot_status", qos.reliable(_SHARED_DEPTH))
+        self._talk: list[Subscription] = []
+        self._ears: dict[int, _Ear] = {}
+        self._said: deque[bytes] = deque()
+        self._wished: deque[bytes] = deque()
+        self._worlds: deque[World] = deque(maxlen=_TICKS)
+        self._episode: EpisodeState | None = None
+        self._results: list[dict[str, Any]] = []
+        self._health = Health()
+        self._policies: dict[str, Policy | str] = {}
+
+    def _listen(self, kind: type, name: str, profile: QoSProfile) -> Subscription:
+        return self.node.create_subscription(kind, name, lambda _: None, profile)
+
+    def destroy(self) -> None:
+        """Listen no longer."""
+        self.node.destroy_node()
+
+    # --- Source ---
+
+    def poll(self, chosen: Collection[int]) -> None:
+        """Take what has come."""
+        now = time.monotonic()
+        for world in _taken(self._world, World):
+            self._step(world)
+        for status in _taken(self._status, RobotStatus):
+            self._health.reported(status, now)
+        if self._episode is not None:
+            self._choose(self._episode, {robot for robot in chosen if robot < len(self._episode.robots)})
+        # Observations last: what is kept of the rest is of their ticks and the ones before.
+        for subscription, kept in zip(self._talk, (self._wished, self._said), strict=False):
+            kept.extend(_raw(subscription))
+        for ear in self._ears.values():
+            observations, *bundles = ear.subscriptions
+            ear.observations.extend(o for o in _taken(observations, Observation) if o.tick != Observation.HELLO)
+            for subscription in bundles:
+                ear.bundles.extend(_raw(subscription))
+
+    @property
+    def newest(self) -> int:
+        """Number of the newest episode; -1 before the first one."""
+        return -1 if self._episode is None else self._episode.number
+
+    def results(self) -> list[dict[str, Any]]:
+        """Of the last episodes, and the one that runs."""
+        return self._results
+
+    def scene(self, episode: int) -> dict[str, Any]:
+        """What stays of the newest episode."""
+        assert self._episode is not None
+        return self._episode.scene()
+
+    def frames(self, episode: int, after: int) -> tuple[int, bytes]:
+        """The newest frame only."""
+        assert self._episode is not None
+        new = self._episode.tick > after
+        return self._episode.tick, self._episode.frame() if new else b""
+
+    def health(self, episode: int) -> dict[str, Any]:
+        """How the processes of the team are, now."""
+        assert self._episode is not None
+        return self._health.report(self._episode.robots, self._episode.silences.tolist(), time.monotonic())
+
+    def detail(self, episode: int, tick: int, robot: int) -> dict[str, Any] | None:
+        """Of the newest tick that is over and was heard; None before one is."""
+        ear, state = self._ears.get(robot), self._episode
+        if ear is None or state is None:
+            return None
+        worlds = {world.tick: world for world in self._worlds}
+        for told in reversed(ear.observations):
+            if told.episode == state.id and told.tick in worlds and told.tick + 1 in worlds:
+                world = worlds[told.tick]
+                positions = np.stack([world.x, world.y], axis=1).astype(np.int64)
+                moment = Moment(told.tick, positions, state.goals, state.obstacles)
+                return detail(robot, moment, self._heard(ear, told), self._policy(state.robots[robot]))
+        return None
+
+    # --- Topics ---
+
+    def _step(self, world: World) -> None:
+        if fault(world) is not None:
+            return
+        if self._episode is None or world.episode != self._episode.id:
+            self._episode = EpisodeState(self.newest + 1, world)
+            self._worlds.clear()
+            self._results = [*self._results[-_RESULTS:], self._episode.result()]
+        else:
+            self._episode.step(world)
+        self._worlds.append(world)
+        if self._episode.ended:
+            self._results = [*self._results[:-1], self._episode.result()]
+
+    def _choose(self, episode: EpisodeState, chosen: set[int]) -> None:
+        """Listen to what these robots are told, and, as long as there are any, to what all say."""
+        status = self._health.status_of(episode.robots[0])
+        relayed = status is not None and status.radio == "relayed"
+        for robot in self._ears.keys() - chosen:
+            for subscription in self._ears.pop(robot).subscriptions:
+                self.node.destroy_subscription(subscription)
+        for robot in chosen - self._ears.keys():
+            name = episode.robots[robot]
+            subscriptions = [self._listen(Observation, f"{name}/observation", qos.newest(_DEPTH))]
+            if relayed:
+                subscriptions.append(self._listen(FeatureBundle, f"{name}/heard", qos.newest(_DEPTH)))
+            self._ears[robot] = _Ear(subscriptions)
+        if chosen and not self._talk:
+            most = _TICKS * len(episode.robots)
+            self._wished, self._said = deque(maxlen=most), deque(maxlen=most)
+            self._talk = [self._listen(Preference, "preference", qos.newest(_SHARED_DEPTH))]
+            if not relayed:
+                self._talk.append(self._listen(Feature, "feature", qos.newest(_SHARED_DEPTH)))
+        elif not chosen and self._talk:
+            for subscription in self._talk:
+                self.node.destroy_subscription(subscription)
+            self._talk = []
+
+    def _heard(self, ear: _Ear, told: Observation) -> Said:
+        """What one robot heard in the first round of a tick, and what it answered."""
+        at, audible = (told.episode, told.tick, 0), set(told.audible_tags)
+        payloads, encoding = [], 0
+        for feature in map(cdr.unpack_feature, self._said):
+            if feature is not None and feature[:3] == at and feature.tag in audible:
+                payloads.append(feature.payload)
+                encoding = feature.encoding
+        for bundle in map(cdr.unpack_bundle, ear.bundles):
+            if bundle is not None and bundle[:3] == at and bundle.messages:
+                size, encoding = len(bundle.payloads) // bundle.messages, bundle.encoding
+                payloads = [bundle.payloads[size * i : size * (i + 1)] for i in range(bundle.messages)]
+        view = np.frombuffer(told.field_of_view, dtype=np.uint8).reshape(OBSERVATION_SHAPE)
+        return Said(view, len(audible), payloads, encoding, self._answer(told))
+
+    def _answer(self, told: Observation) -> Preference | None:
+        """The preference under the tag of an observation; only messages that hold its bytes are made objects of."""
+        tag = told.own_tag.to_bytes(8, "little")
+        for data in self._wished:
+            if tag in data:
+                wish = deserialize_message(data, Preference)
+                if (wish.episode, wish.tick, wish.tag) == (told.episode, told.tick, told.own_tag):
+                    return wish
+        return None
+
+    def _policy(self, robot: str) -> Policy | str:
+        """The policy that ``robot`` carries, or why it is not known. Loading one takes a second, once."""
+        status = self._health.status_of(robot)
+        if status is None:
+            return "no robot has said yet which policy it carries"
+        if status.digest not in self._policies:
+            self._policies[status.digest] = self._loaded(status)
+        return self._policies[status.digest]
+
+    def _loaded(self, status: RobotStatus) -> Policy | str:
+        from magat_robot.policy.store import load  # torch takes a second to import, and most never need it
+
+        folder = self._find_policy(status.digest)
+        if folder is None:
+            return f"there is no policy {status.policy} ({status.digest[:12]}) in the folders of models"
+        try:
+            return load(folder)
+        except ModelError as error:
+            return str(error)
+
+
+def _taken(subscription: Subscription, kind: type) -> list[Any]:
+    """The messages that have come."""
+    return [deserialize_message(data, kind) for data in _raw(subscription)]
+
+
+def _raw(subscription: Subscription) -> list[bytes]:
+    """The same as they came over the wire."""
+    found = []
+    with subscription.handle as handle:
+        while (taken := handle.take_message(subscription.msg_type, True)) is not None:
+            found.append(taken[0])
+    return found

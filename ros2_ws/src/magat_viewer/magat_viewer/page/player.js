@@ -1,0 +1,83 @@
+// Which instant is shown: a place between two frames of an episode, and how it moves on.
+
+export const SPEEDS = [1, 2, 4, 8, 16, 32, 64];
+
+export class Player {
+  constructor() {
+    this.episode = null;
+    this.place = 0; // in frames, with a fraction
+    this.playing = true;
+    this.following = false; // the running team, whatever the speed
+    this.speed = 8; // ticks a second
+    this.arrived = 0; // when the last frame came, seconds
+    this.interval = 0.1; // mean time between frames that come, seconds
+  }
+
+  show(episode) {
+    this.episode = episode;
+    this.place = 0;
+  }
+
+  get frames() { return this.episode ? this.episode.frames : []; }
+  get last() { return Math.max(0, this.frames.length - 1); }
+  get index() { return Math.min(Math.floor(this.place), this.last); }
+  get frame() { return this.frames[this.index]; }
+  get next() { return this.frames[Math.min(this.index + 1, this.last)]; }
+  get fraction() { return this.index < this.last ? this.place - this.index : 0; }
+  get atEnd() { return this.place >= this.last; }
+
+  // The tick whose decision is shown: the one that leads from this frame to the next, at the end the last one.
+  get tick() {
+    if (!this.frame) return 0;
+    return this.atEnd ? Math.max(0, this.frame.tick - 1) : this.frame.tick;
+  }
+
+  came(now, forgotten) {
+    const since = Math.min(now - this.arrived, 1);
+    if (this.arrived) this.interval += 0.2 * (since - this.interval);
+    this.arrived = now;
+    this.place = Math.max(0, this.place - forgotten);
+  }
+
+  // Move on by so many seconds; true if that changed anything.
+  advance(seconds) {
+    const before = this.place;
+    if (this.following) {
+      if (this.last - this.place > 2) this.place = this.last - 1;
+      this.place = Math.min(this.last, this.place + seconds / this.interval);
+    } else if (this.playing && this.frames.length > 1) {
+      const gap = this.frame === this.next ? 1 : this.next.tick - this.frame.tick;
+      this.place = Math.min(this.last, this.place + (seconds * this.speed) / gap);
+    }
+    return this.place !== before;
+  }
+
+  // To whole frames, and stop there.
+  step(frames) {
+    this.halt();
+    const from = frames > 0 ? Math.floor(this.place) : Math.ceil(this.place);
+    this.place = Math.max(0, Math.min(this.last, from + frames));
+  }
+
+  seekTick(tick) {
+    this.halt();
+    let place = 0;
+    while (place < this.last && this.frames[place].tick < tick) place++;
+    this.place = place;
+  }
+
+  halt() {
+    this.playing = this.following = false;
+  }
+
+  toggle() {
+    if (this.following) return this.halt();
+    this.playing = !this.playing;
+    if (this.playing && this.atEnd) this.place = 0;
+  }
+
+  faster(by) {
+    const at = SPEEDS.indexOf(this.speed) + by;
+    this.speed = SPEEDS[Math.max(0, Math.min(SPEEDS.length - 1, at))];
+  }
+}

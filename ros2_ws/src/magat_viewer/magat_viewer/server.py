@@ -1,0 +1,250 @@
+"""The page's server: a fixed list of files, and a WebSocket over which a browser follows a team. Free of ROS.
+
+Nothing but this machine reaches it, unless another address is given. Other pages that are open in the same browser do
+not either: requests have to name this server as their host, and as the origin of a WebSocket.
+"""
+
+import asyncio
+import json
+import socket
+import threading
+from dataclasses import dataclass, field
+from importlib.resources import files
+from types import TracebackType
+from typing import Any, Self
+from urllib.parse import urlsplit
+
+import psutil
+from aiohttp import WSMsgType, web
+
+from magat_viewer.address import HOST, listen
+from magat_viewer.source import Source
+
+#: Seconds between two looks at the team: so often at most is anything sent to a browser; between two looks at the
+#: chosen robot, whose attention has to be computed; and at the health of all.
+PERIOD, DETAIL_PERIOD, HEALTH_PERIOD = 1 / 30, 0.1, 1.0
+#: The page, and what each file is.
+_FILES = {
+    "index.html": "text/html",
+    "style.css": "text/css",
+    "icon.svg": "image/svg+xml",
+    "main.js": "text/javascript",
+    "team.js": "text/javascript",
+    "player.js": "text/javascript",
+    "connection.js": "text/javascript",
+    "map.js": "text/javascript",
+    "layers.js": "text/javascript",
+    "panel.js": "text/javascript",
+    "colours.js": "text/javascript",
+}
+_HEADERS = {
+    "Content-Security-Policy": "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'; form-action 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-cache",
+}
+
+
+@dataclass(eq=False)
+class _Browser:
+    """What one browser wants to see, and what it has been sent."""
+
+    chosen: int | None = None
+    episode: int = 0
+    tick: int = 0
+    #: Number of the scene, and last tick of the frames that were sent.
+    scene: int = -1
+    frame: int = -1
+    results: list[dict[str, Any]] = field(default_factory=list)
+    health: dict[str, Any] = field(default_factory=dict)
+    health_at: float = float("-inf")
+    detail: tuple[int, int, int] | None = None
+    detail_at: float = float("-inf")
+
+
+class PageServer:
+    """Shows a team to browsers, in a ``with`` statement, from a thread of its own."""
+
+    def __init__(self, source: Source, host: str = HOST, port: int | None = None) -> None:
+        """Take a port.
+
+        Args:
+            source: the team. From now on only this server's thread calls it.
+            host: name or address to listen on.
+            port: TCP port; the first free one from 8300 on if None.
+
+        Raises:
+            ServerError: the address is not this machine's, or the port is taken.
+        """
+        self._source, self._host = source, host
+        self._socket = listen(host, port)
+        self._browsers: set[_Browser] = set()
+        self._started, self._ended = threading.Event(), asyncio.Event()
+        self._failure: BaseException | None = None
+        self._thread = threading.Thread(target=self._run, name="page", daemon=True)
+
+    @property
+    def port(self) -> int:
+        """That it listens on."""
+        return int(self._socket.getsockname()[1])
+
+    @property
+    def url(self) -> str:
+        """Of the page."""
+        return f"http://{f'[{self._host}]' if ':' in self._host else self._host}:{self.port}/"
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        self._started.wait()
+        self.check()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._thread.is_alive():
+            self._loop.call_soon_threadsafe(self._ended.set)
+        self._thread.join()
+
+    def check(self) -> None:
+        """Raise what has ended the server, if anything has."""
+        if self._failure is not None:
+            raise self._failure
+
+    def _run(self) -> None:
+        try:
+            asyncio.run(self._serve())
+        except Exception as error:
+            self._failure = error
+        finally:
+            self._started.set()
+
+    async def _serve(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        app = web.Application(middlewares=[self._guard])
+        app.router.add_get("/", lambda request: self._file("index.html"))
+        for name in _FILES:
+            app.router.add_get(f"/{name}", lambda request, name=name: self._file(name))
+        app.router.add_get("/socket", self._follow)
+        runner = web.AppRunner(app, access_log=None)
+        await runner.setup()
+        await web.SockSite(runner, self._socket, shutdown_timeout=0.5).start()
+        self._started.set()
+        try:
+            while not self._ended.is_set():
+                self._source.poll({browser.chosen for browser in self._browsers if browser.chosen is not None})
+                await _wait(self._ended, PERIOD)
+        finally:
+            await runner.cleanup()
+
+    @web.middleware
+    async def _guard(self, request: web.Request, handler: Any) -> web.StreamResponse:
+        """Refuse who asks for another host, as pages of strangers do whose name leads here, or comes from elsewhere."""
+        if urlsplit(f"//{request.host}").hostname not in self._names:
+            return web.Response(status=403, text=f"{request.host} is not the name of this server\n")
+        origin = request.headers.get("Origin")
+        if origin is not None and origin != f"http://{request.host}":
+            return web.Response(status=403, text=f"pages of {origin} may not ask this server\n")
+        response = await handler(request)
+        response.headers.update(_HEADERS)
+        return response
+
+    @property
+    def _names(self) -> set[str]:
+        """By which this server may be called."""
+        if self._host in _LOOPBACK:
+            return _LOOPBACK
+        own = {one.address for addresses in psutil.net_if_addrs().values() for one in addresses}
+        return _LOOPBACK | own | {self._host, socket.gethostname()}
+
+    async def _file(self, name: str) -> web.Response:
+        body = files("magat_viewer").joinpath("page", name).read_bytes()
+        return web.Response(body=body, content_type=_FILES[name], charset="utf-8")
+
+    # --- One browser ---
+
+    async def _follow(self, request: web.Request) -> web.StreamResponse:
+        if "Origin" not in request.headers:  # every browser says it
+            return web.Response(status=403, text="only this server's own page may ask\n")
+        channel = web.WebSocketResponse(heartbeat=20.0, compress=False, max_msg_size=4096)
+        await channel.prepare(request)
+        browser = _Browser()
+        self._browsers.add(browser)
+        telling = asyncio.create_task(self._tell(channel, browser))
+        try:
+            async for message in channel:
+                if message.type is not WSMsgType.TEXT or not _take(browser, message.data):
+                    await channel.close(code=1003, message=b"only known wishes are taken")
+        finally:
+            self._browsers.discard(browser)
+            telling.cancel()
+        return channel
+
+    async def _tell(self, channel: web.WebSocketResponse, browser: _Browser) -> None:
+        """Send what is new, as long as the browser is there: what is newest then, however slow the browser is."""
+        source = self._source
+        await channel.send_json({"kind": "team", "live": source.live, "title": source.title})
+        while not self._ended.is_set() and not channel.closed:
+            for message in self._news(browser):
+                await (channel.send_bytes(message) if isinstance(message, bytes) else channel.send_json(message))
+            await _wait(self._ended, PERIOD)
+        await channel.close(code=1001)
+
+    def _news(self, browser: _Browser) -> list[dict[str, Any] | bytes]:
+        source, now = self._source, self._loop.time()
+        news: list[dict[str, Any] | bytes] = []
+        if (results := source.results()) != browser.results:
+            browser.results = results
+            news.append({"kind": "results", "episodes": results})
+        episode = source.newest if source.live else min(browser.episode, source.newest)
+        if episode < 0:
+            return news
+        if episode != browser.scene:
+            browser.scene, browser.frame, browser.detail = episode, -1, None
+            browser.health_at = float("-inf")
+            news.append(source.scene(episode))
+        browser.frame, frames = source.frames(episode, browser.frame)
+        if frames:
+            news.append(frames)
+        if now - browser.health_at >= HEALTH_PERIOD:
+            browser.health_at = now
+            if (health := source.health(episode)) != browser.health:
+                browser.health = health
+                news.append(health)
+        wanted = browser.chosen is not None and (episode, browser.frame if source.live else browser.tick, browser.chosen)
+        if wanted and wanted != browser.detail and now - browser.detail_at >= DETAIL_PERIOD:
+            detail = source.detail(*wanted)
+            browser.detail, browser.detail_at = wanted, now
+            if detail is not None:
+                news.append(detail | {"episode": episode})
+        return news
+
+
+_LOOPBACK = {"127.0.0.1", "localhost", "::1"}
+
+
+def _take(browser: _Browser, text: str) -> bool:
+    """Note what a browser wants to see; False if that is nothing known."""
+    try:
+        wishes = json.loads(text)
+    except ValueError:
+        return False
+    if not isinstance(wishes, dict) or not wishes.keys() <= {"chosen", "episode", "tick"}:
+        return False
+    for name, value in wishes.items():
+        number = type(value) is int and 0 <= value < 2**31
+        if not number and not (name == "chosen" and value is None):
+            return False
+    for name, value in wishes.items():
+        setattr(browser, name, value)
+    if "chosen" in wishes:
+        browser.detail = None
+    return True
+
+
+async def _wait(event: asyncio.Event, seconds: float) -> None:
+    """At most so long for ``event``."""
+    try:
+        await asyncio.wait_for(event.wait(), seconds)
+    except TimeoutError:
+        return

@@ -5,6 +5,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import rclpy
 from rclpy.context import Context
@@ -12,15 +13,14 @@ from rclpy.signals import SignalHandlerOptions
 from rich.console import Console
 
 from magat_bringup import interruption
-from magat_bringup.analysis import TeamRecording
-from magat_bringup.analyze import carried_policy
 from magat_bringup.join import find_team
-from magat_bringup.models import policy_of_digest
-from magat_bringup.recorded import RecordedTeam
 from magat_node.parameters import declare_value
 from magat_viewer.address import HOST, ServerError
 from magat_viewer.node import LiveTeam
 from magat_viewer.server import PageServer
+
+if TYPE_CHECKING:
+    from magat_bringup.recorded import RecordedTeam
 
 
 def view_bag(bag: Path, policy: str | None, host: str, port: int | None, console: Console) -> None:
@@ -43,8 +43,13 @@ def view_bag(bag: Path, policy: str | None, host: str, port: int | None, console
         _wait(page, console)
 
 
-def recorded_team(bag: Path, policy: str | None, console: Console) -> RecordedTeam:
+def recorded_team(bag: Path, policy: str | None, console: Console) -> "RecordedTeam":
     """A recording, ready to be shown; arguments and errors as of `view_bag`."""
+    # Neither these nor torch, which they need, are loaded by the page of a team that runs.
+    from magat_bringup.analysis import TeamRecording
+    from magat_bringup.analyze import carried_policy
+    from magat_bringup.recorded import RecordedTeam
+
     with console.status(f"reading {bag}"):
         recording = TeamRecording(bag)
         carried, why = carried_policy(recording, policy)
@@ -84,12 +89,18 @@ def live_page(context: Context, namespace: str, host: str = HOST, port: int | No
     Raises:
         ServerError: it cannot be served.
     """
-    team = LiveTeam(context, policy_of_digest, namespace)
+    team = LiveTeam(context, _find_policy, namespace)
     try:
         with PageServer(team, host, port) as page:
             yield page
     finally:
         team.destroy()
+
+
+def _find_policy(digest: str) -> Path | None:
+    from magat_bringup.models import policy_of_digest
+
+    return policy_of_digest(digest)
 
 
 def _wait(page: PageServer, console: Console) -> None:
@@ -106,7 +117,7 @@ def main(args: list[str] | None = None) -> int:
     interruption.watch()
     with interruption.deferred():
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-        team = LiveTeam(rclpy.get_default_context(), policy_of_digest)
+        team = LiveTeam(rclpy.get_default_context(), _find_policy)
         try:
             host = declare_value(team.node, "host", HOST, "name or address to listen on")
             port = declare_value(team.node, "port", 0, "TCP port to listen on; the first free one from 8300 on if 0")

@@ -8,16 +8,18 @@ said follows from the world, to the last bit, too, and by that each is known. Tw
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from magat_robot.policy import payload
 from magat_robot.policy.config import ENCODINGS, OBSERVATION_SHAPE
-from magat_robot.policy.policy import Policy
 from magat_sim.field_of_view import Uint8Array, field_of_view, pad
 from magat_sim.grid import BoolArray, IntArray
 from magat_sim.radio import neighbours
+
+if TYPE_CHECKING:
+    from magat_robot.policy.policy import Policy  # torch takes a second to import, and is not always needed
 
 _NAMES = {number: name for name, number in ENCODINGS.items()}
 
@@ -65,7 +67,7 @@ class Said:
     preference: Any = None
 
 
-def detail(robot: int, moment: Moment, said: Said, policy: Policy | str) -> dict[str, Any]:
+def detail(robot: int, moment: Moment, said: Said, policy: "Policy | str") -> dict[str, Any]:
     """All that is shown of ``robot`` at ``moment``.
 
     Args:
@@ -102,7 +104,7 @@ def _near(robot: int, positions: IntArray) -> list[int]:
     return row[row >= 0].tolist()
 
 
-def _weights(moment: Moment, near: list[int], said: Said, policy: Policy | str) -> tuple[dict[int, list[float]], str]:
+def _weights(moment: Moment, near: list[int], said: Said, policy: "Policy | str") -> tuple[dict[int, list[float]], str]:
     """How much the robot listened to those of ``near`` that it heard, by head; and why nothing is known of it."""
     if isinstance(policy, str):
         return {}, policy

@@ -1,11 +1,12 @@
 """A team that runs, from its topics: one that any tool may listen to, and says nothing itself."""
 
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import rclpy
@@ -18,16 +19,20 @@ from rclpy.subscription import Subscription
 from magat_interfaces.msg import Feature, FeatureBundle, Observation, Preference, RobotStatus, World
 from magat_node import cdr, qos
 from magat_robot.policy.config import OBSERVATION_SHAPE, ModelError
-from magat_robot.policy.policy import Policy
 from magat_sim.view import fault
 from magat_viewer.detail import Moment, Said, detail
 from magat_viewer.health import Health
 from magat_viewer.state import EpisodeState
 
+if TYPE_CHECKING:
+    from magat_robot.policy.policy import Policy
+
 #: Episodes whose results are kept.
 _RESULTS = 50
 #: Ticks of which is kept what was said, while a robot is looked at: more than pass between two looks.
 _TICKS = 32
+#: Frames that are kept for browsers: those of a thirtieth of a second of a team that makes 480 ticks in one.
+_FRAMES = 16
 #: Messages that the middleware keeps until the next look: a thirtieth of a second of any team that one machine runs.
 _DEPTH, _SHARED_DEPTH = 100, 2000
 
@@ -74,10 +79,11 @@ class LiveTeam:
         self._said: deque[bytes] = deque()
         self._wished: deque[bytes] = deque()
         self._worlds: deque[World] = deque(maxlen=_TICKS)
+        self._frames: deque[tuple[int, bytes]] = deque(maxlen=_FRAMES)
         self._episode: EpisodeState | None = None
         self._results: list[dict[str, Any]] = []
         self._health = Health()
-        self._policies: dict[str, Policy | str] = {}
+        self._policies: dict[str, "Policy | str"] = {}
 
     def _listen(self, kind: type, name: str, profile: QoSProfile) -> Subscription:
         return self.node.create_subscription(kind, name, lambda _: None, profile)
@@ -121,10 +127,9 @@ class LiveTeam:
         return self._episode.scene()
 
     def frames(self, episode: int, after: int) -> tuple[int, bytes]:
-        """The newest frame only."""
+        """The newest few: who is slower than the ticks misses some, and is never behind."""
         assert self._episode is not None
-        new = self._episode.tick > after
-        return self._episode.tick, self._episode.frame() if new else b""
+        return self._episode.tick, b"".join(frame for tick, frame in self._frames if tick > after)
 
     def health(self, episode: int) -> dict[str, Any]:
         """How the processes of the team are, now."""
@@ -153,10 +158,12 @@ class LiveTeam:
         if self._episode is None or world.episode != self._episode.id:
             self._episode = EpisodeState(self.newest + 1, world)
             self._worlds.clear()
+            self._frames.clear()
             self._results = [*self._results[-_RESULTS:], self._episode.result()]
         else:
             self._episode.step(world)
         self._worlds.append(world)
+        self._frames.append((self._episode.tick, self._episode.frame()))
         if self._episode.ended:
             self._results = [*self._results[:-1], self._episode.result()]
 
@@ -209,25 +216,29 @@ class LiveTeam:
                     return wish
         return None
 
-    def _policy(self, robot: str) -> Policy | str:
-        """The policy that ``robot`` carries, or why it is not known. Loading one takes a second, once."""
+    def _policy(self, robot: str) -> "Policy | str":
+        """The policy that ``robot`` carries, or why it is not known (yet)."""
         status = self._health.status_of(robot)
         if status is None:
             return "no robot has said yet which policy it carries"
         if status.digest not in self._policies:
-            self._policies[status.digest] = self._loaded(status)
+            self._policies[status.digest] = "the policy is being loaded"
+            # It takes seconds, torch's import most of them, in which the page goes on.
+            threading.Thread(target=self._load, args=(status,), daemon=True).start()
         return self._policies[status.digest]
 
-    def _loaded(self, status: RobotStatus) -> Policy | str:
-        from magat_robot.policy.store import load  # torch takes a second to import, and most never need it
+    def _load(self, status: RobotStatus) -> None:
+        from magat_robot.policy.store import load
 
         folder = self._find_policy(status.digest)
-        if folder is None:
-            return f"there is no policy {status.policy} ({status.digest[:12]}) in the folders of models"
         try:
-            return load(folder)
+            self._policies[status.digest] = (
+                f"there is no policy {status.policy} ({status.digest[:12]}) in the folders of models"
+                if folder is None
+                else load(folder)
+            )
         except ModelError as error:
-            return str(error)
+            self._policies[status.digest] = str(error)
 
 
 def _taken(subscription: Subscription, kind: type) -> list[Any]:
@@ -237,8 +248,8 @@ def _taken(subscription: Subscription, kind: type) -> list[Any]:
 
 def _raw(subscription: Subscription) -> list[bytes]:
     """The same as they came over the wire."""
-    found = []
-    with subscription.handle as handle:
+    found, handle = [], subscription.handle
+    with handle:
         while (taken := handle.take_message(subscription.msg_type, True)) is not None:
             found.append(taken[0])
     return found

@@ -25,7 +25,7 @@ let results = [];
 let panelAt = 0;
 let shownDetail = null;
 
-setTheme(asked.get("theme") || localStorage.getItem("theme"));
+showTheme(asked.get("theme") || localStorage.getItem("theme"));
 if (matchMedia("(prefers-reduced-motion: reduce)").matches) player.halt();
 
 // --- What is told ---
@@ -137,7 +137,12 @@ function changeEpisode(by) {
 function changeTheme() {
   const theme = isDark() ? "light" : "dark";
   localStorage.setItem("theme", theme);
+  showTheme(theme);
+}
+
+function showTheme(theme) {
   setTheme(theme);
+  $("theme").textContent = isDark() ? "Light" : "Dark";
   map.refresh();
   panelAt = 0;
 }
@@ -153,10 +158,7 @@ $("episode").onchange = () => connection.wish({ episode: Number($("episode").val
 $("robot").onchange = () => choose($("robot").value === "" ? null : Number($("robot").value));
 $("theme").onclick = changeTheme;
 $("help").onclick = () => $("keys").showModal();
-matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
-  setTheme(localStorage.getItem("theme"));
-  map.refresh();
-});
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => showTheme(localStorage.getItem("theme")));
 
 const KEYS = {
   " ": () => player.toggle(),

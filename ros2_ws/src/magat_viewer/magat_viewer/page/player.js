@@ -2,6 +2,8 @@
 
 export const SPEEDS = [1, 2, 4, 8, 16, 32, 64];
 
+const MOST_BEHIND = 32; // frames
+
 export class Player {
   constructor() {
     this.episode = null;
@@ -10,7 +12,8 @@ export class Player {
     this.following = false; // the running team, whatever the speed
     this.speed = 8; // ticks a second
     this.arrived = 0; // when the last frame came, seconds
-    this.interval = 0.1; // mean time between frames that come, seconds
+    this.interval = 0.1; // mean time between messages with frames, seconds
+    this.behind = 0; // frames that are to be caught up with until the next message
   }
 
   show(episode) {
@@ -37,14 +40,15 @@ export class Player {
     if (this.arrived) this.interval += 0.2 * (since - this.interval);
     this.arrived = now;
     this.place = Math.max(0, this.place - forgotten);
+    if (this.following) this.place = Math.max(this.place, this.last - MOST_BEHIND);
+    this.behind = this.last - this.place;
   }
 
   // Move on by so many seconds; true if that changed anything.
   advance(seconds) {
     const before = this.place;
     if (this.following) {
-      if (this.last - this.place > 2) this.place = this.last - 1;
-      this.place = Math.min(this.last, this.place + seconds / this.interval);
+      this.place = Math.min(this.last, this.place + (seconds * this.behind) / this.interval);
     } else if (this.playing && this.frames.length > 1) {
       const gap = this.frame === this.next ? 1 : this.next.tick - this.frame.tick;
       this.place = Math.min(this.last, this.place + (seconds * this.speed) / gap);

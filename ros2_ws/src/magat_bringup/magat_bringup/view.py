@@ -5,7 +5,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import rclpy
 from rclpy.context import Context
@@ -103,7 +103,7 @@ def _find_policy(digest: str) -> Path | None:
     return policy_of_digest(digest)
 
 
-def _wait(page: PageServer, console: Console) -> None:
+def _wait(page: PageServer, console: Console) -> NoReturn:
     console.print(f"The page is at {page.url} until Ctrl-C", highlight=False)
     with interruption.deferred():
         while True:

@@ -83,7 +83,7 @@ class LiveTeam:
         self._episode: EpisodeState | None = None
         self._results: list[dict[str, Any]] = []
         self._health = Health()
-        self._policies: dict[str, "Policy | str"] = {}
+        self._policies: dict[str, Policy | str] = {}
 
     def _listen(self, kind: type, name: str, profile: QoSProfile) -> Subscription:
         return self.node.create_subscription(kind, name, lambda _: None, profile)

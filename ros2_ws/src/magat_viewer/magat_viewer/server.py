@@ -122,9 +122,8 @@ class PageServer:
     async def _serve(self) -> None:
         self._loop = asyncio.get_running_loop()
         app = web.Application(middlewares=[self._guard])
-        app.router.add_get("/", lambda request: self._file("index.html"))
-        for name in _FILES:
-            app.router.add_get(f"/{name}", lambda request, name=name: self._file(name))
+        for name in ("", *_FILES):
+            app.router.add_get(f"/{name}", self._file)
         app.router.add_get("/socket", self._follow)
         runner = web.AppRunner(app, access_log=None)
         await runner.setup()
@@ -157,7 +156,8 @@ class PageServer:
         own = {one.address for addresses in psutil.net_if_addrs().values() for one in addresses}
         return _LOOPBACK | own | {self._host, socket.gethostname()}
 
-    async def _file(self, name: str) -> web.Response:
+    async def _file(self, request: web.Request) -> web.Response:
+        name = request.path.removeprefix("/") or "index.html"
         body = files("magat_viewer").joinpath("page", name).read_bytes()
         return web.Response(body=body, content_type=_FILES[name], charset="utf-8")
 
@@ -211,11 +211,10 @@ class PageServer:
             if (health := source.health(episode)) != browser.health:
                 browser.health = health
                 news.append(health)
-        wanted = browser.chosen is not None and (episode, browser.frame if source.live else browser.tick, browser.chosen)
-        if wanted and wanted != browser.detail and now - browser.detail_at >= DETAIL_PERIOD:
-            detail = source.detail(*wanted)
-            browser.detail, browser.detail_at = wanted, now
-            if detail is not None:
+        if browser.chosen is not None and now - browser.detail_at >= DETAIL_PERIOD:
+            wanted = (episode, browser.frame if source.live else browser.tick, browser.chosen)
+            if wanted != browser.detail and (detail := source.detail(*wanted)) is not None:
+                browser.detail, browser.detail_at = wanted, now
                 news.append(detail | {"episode": episode})
         return news
 

@@ -63,7 +63,7 @@ class EpisodeState:
         self._strict |= bool(on_goal.all())
         if self.tick > 0:
             self.silences += np.asarray(world.silent, dtype=bool)
-            self.blocked += int(blocked(_bytes(world.wanted), _bytes(world.moved)).sum())
+            self.blocked += int(blocked(*(_bytes(part).astype(np.int64) for part in (world.wanted, world.moved))).sum())
             self._seconds += (world.seconds - self._seconds) * (_NEWEST if self._seconds else 1.0)
 
     @property

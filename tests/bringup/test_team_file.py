@@ -266,22 +266,23 @@ def test_magat_run_and_the_launch_file_start_the_same(team_file, params, tmp_pat
     path = team_file(f"robots: [alice, bob, carol]\ncrew: {crew}")
     chosen = {"radio": "relayed", "link_loss": "0.25", "shield": "pibt", "encoding": "float16", "backend": "onnx"}
     chosen["record"] = str(tmp_path / "bag")
-    by_launch = launched(team=str(path), policy=POLICY, params=str(params), view="true", **chosen)
+    by_launch = launched(team=str(path), policy=POLICY, params=str(params), rviz="true", view="8300", **chosen)
 
     # What `magat run` plans, and what comes of it.
     options = [part for name, value in chosen.items() for part in (f"--{name.replace('_', '-')}", value)]
     with (
         mock.patch.dict(os.environ),
         mock.patch("magat_bringup.execution._exported", return_value=find_policy(POLICY) / "onnx"),
+        mock.patch("magat_viewer.address.free_port", return_value=8300),
         mock.patch("magat_bringup.run.TeamProcesses", side_effect=NotStartedError) as processes,
         pytest.raises(NotStartedError),
     ):
-        main(["run", "--team", str(path), "--policy", POLICY, "--params", str(params), "--view", *options])
+        main(["run", "--team", str(path), "--policy", POLICY, "--params", str(params), "--rviz", "--view", *options])
     plan = processes.call_args.args[0]
     by_run = started(plan, tmp_path)
 
     team = plan.commands()
-    assert [command.name for command in team] == ["recorder", "robots", "simulator", "expert", "view"]
+    assert [command.name for command in team] == ["recorder", "robots", "simulator", "expert", "view", "viewer"]
     assert by_launch == [as_launched(command) for command in team]
     assert [line for line, _ in by_run] == [[sys.executable, "-m", *command.python] for command in team]
     assert all(env.items() >= ENVIRONMENT.items() for _, env in by_run)
@@ -311,13 +312,13 @@ def test_magat_run_starts_a_discovery_server_for_a_large_team(tmp_path, robots, 
 
 
 def test_both_start_the_same_where_nothing_is_said(tmp_path):
-    by_run = TeamPlan(TeamFile.numbered(10), find_policy(POLICY), view=True).commands()
+    by_run = TeamPlan(TeamFile.numbered(10), find_policy(POLICY), rviz=True).commands()
     assert launched() == [as_launched(command) for command in by_run]
-    assert len(launched(view="false")) == 3
-    alone = TeamPlan(TeamFile.numbered(10), find_policy(POLICY), view=True, robots=False, server=True).commands()
+    assert len(launched(rviz="false")) == 3
+    alone = TeamPlan(TeamFile.numbered(10), find_policy(POLICY), rviz=True, robots=False, server=True).commands()
     assert launched(robots="false", server="true") == [as_launched(command) for command in alone]
     # RViz itself need not be there.
-    assert launched(skip=1, rviz="true")[-1][:2] == ["-d", str(SHARE / "config" / "team.rviz")]
+    assert launched(skip=1, rviz_window="true")[-1][:2] == ["-d", str(SHARE / "config" / "team.rviz")]
 
 
 @pytest.mark.skipif(importlib.util.find_spec("launch_ros") is not None, reason="real actions do not tell")
@@ -341,7 +342,7 @@ def test_the_launch_file_says_what_is_wrong(tmp_path):
 
 def test_a_module_and_an_executable_are_the_same_program(tmp_path):
     programs = {script.name: script.value for script in entry_points(group="console_scripts")}
-    plan = TeamPlan(TeamFile.numbered(2), tmp_path, view=True, server=True, record=tmp_path / "bag")
+    plan = TeamPlan(TeamFile.numbered(2), tmp_path, rviz=True, view=8300, server=True, record=tmp_path / "bag")
     for command in plan.commands():
         if command.package == "magat_expert":  # built by CMake: a script of its own
             said = Path(executable_of(command.package, command.executable)).read_text()
@@ -371,7 +372,7 @@ def test_every_node_takes_an_ordinary_parameter_file(params, tmp_path):
     with own_domain() as domain, mock.patch.dict(os.environ, loopback(domain)):
         policy = find_policy(POLICY)
         plan = TeamPlan(
-            TeamFile(("alice", "bob")), policy, link_loss=0.25, shield="pibt", backend="echo", params=params, view=True
+            TeamFile(("alice", "bob")), policy, link_loss=0.25, shield="pibt", backend="echo", params=params, rviz=True
         )
         context = Context()
         rclpy.init(context=context, domain_id=domain)

@@ -64,7 +64,7 @@ def run(request, tmp_path_factory) -> Path:
     # The second time fewer processes, which start sooner.
     crew = {"direct": 1, "relayed": 5}[request.param]
     options = ("--robots", 20, "--crew", crew, "--width", 28, "--height", 28, "--episodes", 2, "--radio", request.param)
-    said_by(magat("run", *options, "--record", "--view", "--output", folder), timeout=110)
+    said_by(magat("run", *options, "--record", "--rviz", "--output", folder), timeout=110)
     return folder
 
 
@@ -225,7 +225,7 @@ def test_the_world_is_shown_again_faster_and_a_view_draws_it(run):
     context = rclpy.Context()
     with own_domain() as domain:
         environment = loopback(domain)
-        replay = magat("replay", run / "bag", "--rate", 3, "--view", "--delay", 4, environment=environment)
+        replay = magat("replay", run / "bag", "--rate", 3, "--rviz", "--delay", 4, environment=environment)
         before = {name: os.environ.get(name) for name in environment}
         os.environ.update(environment)
         rclpy.init(args=[], context=context, domain_id=domain)

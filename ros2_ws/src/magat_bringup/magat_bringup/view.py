@@ -1,7 +1,6 @@
 """``magat view``, and the process ``viewer`` of a team: the page that shows it, live or recorded."""
 
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -45,11 +44,14 @@ def view_bag(bag: Path, policy: str | None, host: str, port: int | None, console
 
 def recorded_team(bag: Path, policy: str | None, console: Console) -> "RecordedTeam":
     """A recording, ready to be shown; arguments and errors as of `view_bag`."""
-    # Neither these nor torch, which they need, are loaded by the page of a team that runs.
+    # Neither these nor torch are loaded by the page of a team that runs.
+    import torch
+
     from magat_bringup.analysis import TeamRecording
     from magat_bringup.analyze import carried_policy
     from magat_bringup.recorded import RecordedTeam
 
+    torch.set_num_threads(1)  # what one robot computes is small: threads would only wait for each other
     with console.status(f"reading {bag}"):
         recording = TeamRecording(bag)
         carried, why = carried_policy(recording, policy)
@@ -108,8 +110,7 @@ def _wait(page: PageServer, console: Console) -> NoReturn:
     with interruption.deferred():
         while True:
             interruption.check()
-            page.check()
-            time.sleep(0.1)
+            page.wait(0.1)
 
 
 def main(args: list[str] | None = None) -> int:

@@ -228,8 +228,11 @@ class LiveTeam:
         return self._policies[status.digest]
 
     def _load(self, status: RobotStatus) -> None:
+        import torch
+
         from magat_robot.policy.store import load
 
+        torch.set_num_threads(1)  # what one robot computes is small: threads would only wait for each other
         folder = self._find_policy(status.digest)
         try:
             self._policies[status.digest] = (

@@ -96,7 +96,7 @@ class PageServer:
     def __enter__(self) -> Self:
         self._thread.start()
         self._started.wait()
-        self.check()
+        self.wait(0.0)
         return self
 
     def __exit__(
@@ -106,8 +106,9 @@ class PageServer:
             self._loop.call_soon_threadsafe(self._ended.set)
         self._thread.join()
 
-    def check(self) -> None:
-        """Raise what has ended the server, if anything has."""
+    def wait(self, seconds: float) -> None:
+        """Wait so long, or until something ends the server, and raise that."""
+        self._thread.join(seconds)
         if self._failure is not None:
             raise self._failure
 
@@ -125,9 +126,9 @@ class PageServer:
         for name in ("", *_FILES):
             app.router.add_get(f"/{name}", self._file)
         app.router.add_get("/socket", self._follow)
-        runner = web.AppRunner(app, access_log=None)
+        runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.5)
         await runner.setup()
-        await web.SockSite(runner, self._socket, shutdown_timeout=0.5).start()
+        await web.SockSite(runner, self._socket).start()
         self._started.set()
         try:
             while not self._ended.is_set():

@@ -1,0 +1,248 @@
+"""The page's server: who may ask, what is served, and that a slow browser is sent the newest, not a queue."""
+
+import asyncio
+import contextlib
+import http.client
+import json
+import socket
+import time
+from collections.abc import Callable, Iterator
+
+import aiohttp
+import pytest
+
+from magat_viewer.address import PORT, ServerError, free_port
+from magat_viewer.server import PageServer
+
+
+class Counting:
+    """A live team that does nothing but count ticks; its frames are large."""
+
+    live, title, newest = True, "counting", 0
+
+    def __init__(self, size: int = 10) -> None:
+        self.tick, self.size = 0, size
+        self.chosen: set[int] = set()
+
+    def poll(self, chosen: set[int]) -> None:
+        self.tick += 1
+        self.chosen = set(chosen)
+
+    def results(self) -> list[dict]:
+        return []
+
+    def scene(self, episode: int) -> dict:
+        return {"kind": "scene", "episode": episode}
+
+    def frames(self, episode: int, after: int) -> tuple[int, bytes]:
+        return self.tick, self.tick.to_bytes(4, "little").ljust(self.size) if self.tick > after else b""
+
+    def health(self, episode: int) -> dict:
+        return {"kind": "health"}
+
+    def detail(self, episode: int, tick: int, robot: int) -> dict:
+        return {"kind": "detail", "tick": tick, "robot": robot}
+
+
+@pytest.fixture
+def serve() -> Iterator[Callable[..., PageServer]]:
+    with contextlib.ExitStack() as stack:
+        yield lambda *arguments, **options: stack.enter_context(PageServer(*arguments, **options))
+
+
+def get(page: PageServer, path: str, **headers: str) -> http.client.HTTPResponse:
+    connection = http.client.HTTPConnection("127.0.0.1", page.port, timeout=10)
+    connection.putrequest("GET", path, skip_host="Host" in headers)
+    for name, value in headers.items():
+        connection.putheader(name, value)
+    connection.endheaders()
+    return connection.getresponse()
+
+
+def follow(page: PageServer, talk: Callable, **headers: str) -> object:
+    """What ``talk`` returns of a WebSocket."""
+
+    async def run() -> object:
+        headers.setdefault("Origin", page.url.rstrip("/"))
+        async with (
+            aiohttp.ClientSession() as session,
+            session.ws_connect(f"{page.url}socket", headers=headers) as channel,
+        ):
+            return await asyncio.wait_for(talk(channel), 20)
+
+    return asyncio.run(run())
+
+
+async def told(channel: aiohttp.ClientWebSocketResponse, kind: str) -> dict:
+    while True:
+        message = await channel.receive()
+        assert message.type in (aiohttp.WSMsgType.TEXT, aiohttp.WSMsgType.BINARY), message
+        if message.type is aiohttp.WSMsgType.TEXT and json.loads(message.data)["kind"] == kind:
+            return json.loads(message.data)
+
+
+def test_the_page_and_its_parts_are_served_and_nothing_else(serve):
+    page = serve(Counting())
+    index = get(page, "/")
+    text = index.read().decode()
+    assert index.status == 200
+    assert index.headers["Content-Security-Policy"].startswith("default-src 'self'")
+    parts = ["style.css", "main.js", "icon.svg"]
+    for part in parts:
+        assert part in text
+        assert get(page, f"/{part}").status == 200
+    for path in (
+        "/server.py",
+        "/../server.py",
+        "/..%2fserver.py",
+        "/page/index.html",
+        "//etc/passwd",
+        "/index.html/..",
+    ):
+        assert get(page, path).status == 404, path
+
+
+def test_every_part_that_a_part_imports_is_served(serve):
+    page = serve(Counting())
+    waiting, seen = ["main.js"], set()
+    while waiting:
+        name = waiting.pop()
+        seen.add(name)
+        answer = get(page, f"/{name}")
+        assert (answer.status, answer.headers["Content-Type"]) == (200, "text/javascript; charset=utf-8"), name
+        found = {line.split('"./')[1].split('"')[0] for line in answer.read().decode().splitlines() if '"./' in line}
+        waiting += found - seen
+    assert {"map.js", "layers.js", "player.js"} <= seen
+
+
+@pytest.mark.parametrize("host", ["evil.example", "evil.example:{port}", "127.0.0.1.evil.example"])
+def test_a_name_of_somebody_elses_that_leads_here_is_refused(serve, host):
+    page = serve(Counting())
+    assert get(page, "/", Host=host.format(port=page.port)).status == 403
+    assert get(page, "/", Host=f"localhost:{page.port}").status == 200
+
+
+@pytest.mark.parametrize(
+    "origin", ["http://evil.example", "null", "http://127.0.0.1:1", "https://127.0.0.1:{port}", ""]
+)
+def test_pages_of_others_cannot_follow_the_team(serve, origin):
+    page = serve(Counting())
+    with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
+        follow(page, lambda channel: channel.receive(), Origin=origin.format(port=page.port))
+
+
+def test_who_does_not_say_where_it_comes_from_cannot_either(serve):
+    page = serve(Counting())
+    upgrade = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13"}
+    assert get(page, "/socket", **upgrade, **{"Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA=="}).status == 403
+
+
+def test_a_browser_is_told_of_the_team_the_scene_and_every_new_tick(serve):
+    page = serve(Counting())
+
+    async def talk(channel):
+        team, scene = await told(channel, "team"), await told(channel, "scene")
+        frames = []
+        while len(frames) < 5:
+            message = await channel.receive()
+            if message.type is aiohttp.WSMsgType.BINARY:
+                frames.append(int.from_bytes(message.data[:4], "little"))
+        return team, scene, frames
+
+    team, scene, frames = follow(page, talk)
+    assert (team["live"], team["title"], scene["episode"]) == (True, "counting", 0)
+    assert frames == sorted(set(frames))
+
+
+def test_whom_somebody_looks_at_is_asked_for_as_long_as_that_one_is_there(serve):
+    source = Counting()
+    page = serve(source)
+
+    async def talk(channel):
+        await channel.send_json({"chosen": 3})
+        detail = await told(channel, "detail")
+        chosen = source.chosen
+        await channel.send_json({"chosen": 5})
+        while (await told(channel, "detail"))["robot"] != 5:
+            pass
+        return detail, chosen, source.chosen
+
+    detail, *chosen = follow(page, talk)
+    assert (detail["robot"], detail["episode"]) == (3, 0)
+    assert chosen == [{3}, {5}]
+    deadline = time.monotonic() + 10
+    while source.chosen:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize(
+    "said", ["no json", "[1]", '{"chosen": -1}', '{"chosen": "x"}', '{"scene": 1}', '{"tick": null}', '{"tick": true}']
+)
+def test_wishes_that_are_none_end_the_conversation_and_nothing_else(serve, said):
+    page = serve(Counting())
+
+    async def talk(channel):
+        await channel.send_str(said)
+        while (message := await channel.receive()).type in (aiohttp.WSMsgType.TEXT, aiohttp.WSMsgType.BINARY):
+            pass
+        return message.data
+
+    assert follow(page, talk) == 1003
+    assert get(page, "/").status == 200
+    page.wait(0.0)
+
+
+def test_a_browser_that_does_not_read_is_sent_the_newest_once_it_does(serve):
+    source = Counting(size=4_000_000)
+    page = serve(source)
+
+    async def talk(channel):
+        await told(channel, "scene")
+        before = source.tick
+        await asyncio.sleep(1.0)  # some thirty ticks, of which it reads none
+        passed, frames = source.tick - before, []
+        while not frames or frames[-1] < before + passed:
+            message = await channel.receive()
+            if message.type is aiohttp.WSMsgType.BINARY:
+                frames.append(int.from_bytes(message.data[:4], "little"))
+        return passed, len(frames)
+
+    passed, frames = follow(page, talk)
+    assert passed > 10
+    assert frames < passed / 2
+
+
+def test_the_next_free_port_is_taken_unless_one_is_asked_for(serve):
+    first = serve(Counting())
+    assert first.port >= PORT
+    second = serve(Counting())
+    assert second.port > first.port
+    assert free_port() not in (first.port, second.port)
+    with pytest.raises(ServerError, match=f"the port {first.port} is taken"):
+        PageServer(Counting(), port=first.port)
+
+
+@pytest.mark.parametrize("host", ["192.0.2.1", "no.such.host.invalid"])
+def test_an_address_that_is_not_this_machines_is_refused(host):
+    with pytest.raises(ServerError, match=f"{host} is no address of this machine"):
+        PageServer(Counting(), host)
+
+
+def test_only_this_machine_is_listened_to(serve):
+    page = serve(Counting())
+    with socket.socket() as probe:
+        assert probe.connect_ex(("127.0.0.2", page.port)) != 0
+
+
+def test_what_ends_the_server_is_raised():
+    class Broken(Counting):
+        def poll(self, chosen: set[int]) -> None:
+            raise OSError("the disk is on fire")
+
+    def serve() -> None:
+        with PageServer(Broken()) as page:
+            page.wait(10.0)
+
+    with pytest.raises(OSError, match="on fire"):
+        serve()

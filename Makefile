@@ -19,6 +19,8 @@ setup: ## Install what is needed into .venv and build the workspace; does nothin
 .PHONY: demo
 demo: setup ## Run ten episodes with a team of robot processes (ARGS="--robots 20" changes it)
 	@$(BIN)/magat run --episodes 10 --require 8 $(ARGS)
+	@echo "To watch a team in a browser: make demo ARGS='--view --episodes 1000'. To pause it and go back and forth: record"
+	@echo "one by make demo ARGS='--record --output runs/watched', and then .venv/bin/magat view runs/watched/bag"
 
 .PHONY: test
 test: setup ## Run the tests (ARGS="-k shield" passes options on to pytest)

@@ -1,11 +1,12 @@
 """Recordings of teams whose every message is known, because they are simulated here."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from rclpy.serialization import serialize_message
 
 from magat_bringup.bag import BagWriter
@@ -36,7 +37,16 @@ class Simulated:
 
 
 @pytest.fixture
-def simulate(random_case, tmp_path) -> Callable[..., Simulated]:
+def one_thread() -> Iterator[None]:
+    """What one robot computes is small: threads would only wait for each other."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+@pytest.fixture
+def simulate(random_case, tmp_path, one_thread) -> Callable[..., Simulated]:
     """Runs episodes of six robots in this process, and writes a bag of what a team would have said."""
 
     def run(

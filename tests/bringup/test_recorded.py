@@ -1,24 +1,13 @@
 """What the page shows of a recording is what is in it, and attention what the analysis finds."""
 
 import struct
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
-import torch
 
 from magat_bringup.analysis import TeamRecording
 from magat_bringup.attention import links
 from magat_bringup.recorded import RecordedTeam
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _one_thread() -> Iterator[None]:
-    """What one robot computes is small: threads would only wait for each other."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
 
 
 def test_all_frames_of_an_episode_are_there_once(simulate, small_policy):

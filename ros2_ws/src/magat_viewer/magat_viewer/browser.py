@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page
+    from playwright.sync_api import Browser, Page
 
 _NAMES = ("chromium", "chromium-browser", "google-chrome")
 #: It draws on the processor, which every machine has, and asks nobody for anything.
@@ -42,8 +42,8 @@ def find_chromium() -> Path:
 
 
 @contextmanager
-def open_page(url: str, width: int = 1440, height: int = 900) -> Iterator["Page"]:
-    """A browser that shows ``url``, ``width`` x ``height`` pixels, as long as the ``with`` statement lasts.
+def chromium() -> Iterator["Browser"]:
+    """A browser without a window, as long as the ``with`` statement lasts.
 
     Raises:
         BrowserError: there is no Chromium.
@@ -53,9 +53,7 @@ def open_page(url: str, width: int = 1440, height: int = 900) -> Iterator["Page"
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=find_chromium(), args=_ARGUMENTS)
         try:
-            page = browser.new_page(viewport={"width": width, "height": height})
-            page.goto(url)
-            yield page
+            yield browser
         finally:
             browser.close()
 
@@ -82,7 +80,9 @@ def screenshot(url: str, path: Path, width: int = 1440, height: int = 900) -> No
     Raises:
         BrowserError: there is no Chromium, or nothing is shown.
     """
-    with open_page(url, width, height) as page:
+    with chromium() as browser:
+        page = browser.new_page(viewport={"width": width, "height": height})
+        page.goto(url)
         until(page, "Boolean(magat.player.frame && (magat.chosen() === null || magat.detail()))")
         page.wait_for_timeout(300)  # texts follow a tenth of a second after
         page.screenshot(path=path)

@@ -94,9 +94,10 @@ function showScene(episode) {
 
 // The first frames of an episode are there.
 function framed() {
+  panelAt = 0;
+  if (!live && newest.number !== Number(asked.get("episode") || newest.number)) return; // not yet the one asked for
   if (asked.has("tick")) player.seekTick(Number(asked.get("tick")));
   asked.delete("tick");
-  panelAt = 0;
 }
 
 // --- What people ask for ---

@@ -15,6 +15,8 @@ MODULES = [
     "magat_sim.team",
     "magat_sim.ticks",
     "magat_training.train",
+    "magat_viewer.detail",
+    "magat_viewer.server",
 ]
 
 

@@ -20,6 +20,7 @@ from magat_sim.shield import SHIELDS
 from magat_training.cases import SET_SEED, SPLITS
 from magat_training.data import DataSetError
 from magat_viewer.address import HOST, PORT, ServerError
+from magat_viewer.browser import BrowserError
 
 #: Beyond it, a domain's ports are among those that systems hand out by themselves.
 LAST_DOMAIN = 101
@@ -47,6 +48,7 @@ def main(args: list[str] | None = None) -> int:
         DataSetError,
         BagError,
         ServerError,
+        BrowserError,
     ) as error:
         console.print(f"[bold red]magat:[/] {escape(str(error))}", highlight=False)
         return 1
@@ -157,6 +159,18 @@ def _parser() -> argparse.ArgumentParser:
     view.add_argument("--port", type=_port, help=f"to listen on (default: the first free one from {PORT} on)")
     view.add_argument("--namespace", help="of the team that runs, such as /warehouse (default: that of the only one)")
     view.add_argument("--policy", help="name or folder of what recorded robots carried (default: by its digest)")
+    view.add_argument(
+        "--at",
+        default="",
+        metavar="PLACE",
+        help='what is shown first, such as "episode=1&tick=20&robot=robot_3&theme=dark"',
+    )
+    view.add_argument(
+        "--screenshot",
+        type=Path,
+        metavar="FILE",
+        help="write a recorded team's page to a PNG file by Chromium, and end",
+    )
 
     for joining in (record, deploy, replay, view):
         joining.add_argument("--domain", type=_domain, help="ROS domain of the team (default: the environment's)")

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
+from magat_bringup.bag import BagError
 from magat_bringup.environment import Network
 from magat_bringup.models import all_policies, find_policy
 from magat_bringup.sets import STANDARD_SETS
@@ -124,13 +125,17 @@ def replay_command(options: argparse.Namespace, console: Console) -> int:
 
 
 def view_command(options: argparse.Namespace, console: Console) -> int:
-    from magat_bringup.view import view_bag, view_team
+    from magat_bringup.view import save_screenshot, view_bag, view_team
 
-    if options.bag is not None:
-        view_bag(options.bag, options.policy, options.host, options.port, console)
-    else:
+    if options.bag is None:
+        if options.screenshot is not None:
+            raise BagError("a screenshot shows a recorded team: name its bag")
         _join(options.domain, options.server)
         view_team(options.namespace, options.host, options.port, console)
+    elif options.screenshot is not None:
+        save_screenshot(options.bag, options.policy, options.at, options.screenshot, console)
+    else:
+        view_bag(options.bag, options.policy, options.host, options.port, options.at, console)
     return 0
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from magat_bringup.recorded import RecordedTeam
 
 
-def view_bag(bag: Path, policy: str | None, host: str, port: int | None, console: Console) -> None:
+def view_bag(bag: Path, policy: str | None, host: str, port: int | None, at: str, console: Console) -> None:
     """Show a recorded team until interrupted.
 
     Args:
@@ -30,6 +30,7 @@ def view_bag(bag: Path, policy: str | None, host: str, port: int | None, console
         policy: name or folder of what the robots carried; found by its digest if None.
         host: to listen on.
         port: to listen on; the first free one if None.
+        at: what is shown first: the fragment of the page's address.
         console: says where the page is.
 
     Raises:
@@ -39,7 +40,20 @@ def view_bag(bag: Path, policy: str | None, host: str, port: int | None, console
         KeyboardInterrupt: interrupted.
     """
     with PageServer(recorded_team(bag, policy, console), host, port) as page:
-        _wait(page, console)
+        _wait(page, console, at)
+
+
+def save_screenshot(bag: Path, policy: str | None, at: str, file: Path, console: Console) -> None:
+    """Write the page of a recorded team to the PNG file ``file``; arguments and errors otherwise as of `view_bag`.
+
+    Raises:
+        BrowserError: there is no Chromium, or the page shows nothing in it.
+    """
+    from magat_viewer.browser import screenshot
+
+    with PageServer(recorded_team(bag, policy, console)) as page:
+        screenshot(f"{page.url}#{at}", file)
+    console.print(f"The page is in {file}", highlight=False)
 
 
 def recorded_team(bag: Path, policy: str | None, console: Console) -> "RecordedTeam":
@@ -105,8 +119,9 @@ def _find_policy(digest: str) -> Path | None:
     return policy_of_digest(digest)
 
 
-def _wait(page: PageServer, console: Console) -> NoReturn:
-    console.print(f"The page is at {page.url} until Ctrl-C", highlight=False)
+def _wait(page: PageServer, console: Console, at: str = "") -> NoReturn:
+    address = f"{page.url}#{at}" if at else page.url
+    console.print(f"The page is at {address} until Ctrl-C", highlight=False, markup=False)
     with interruption.deferred():
         while True:
             interruption.check()

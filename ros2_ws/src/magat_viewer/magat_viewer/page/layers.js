@@ -38,7 +38,9 @@ export function drawGround(ctx, view, episode) {
       else ctx.rect(left, top, side, side);
     });
     ctx.fillStyle = colours.wall;
+    ctx.globalAlpha = scale >= DETAILED ? 1 : 0.6; // robots are small, and stand out
     ctx.fill();
+    ctx.globalAlpha = 1;
   }
   ctx.strokeStyle = colours.quiet;
   ctx.lineWidth = 1;
@@ -62,12 +64,14 @@ export function drawPast(ctx, view, player, chosen) {
 
 function drawGoals(ctx, view, episode, frame, chosen) {
   const half = Math.max(1.5, view.scale * 0.3);
+  ctx.globalAlpha = view.scale >= DETAILED ? 1 : 0.55;
   byInk(episode.robots.length, (robot) => {
     const [goalX, goalY] = episode.goals[robot];
     if (frame.x[robot] === goalX && frame.y[robot] === goalY) return;
     if (!visible(view, goalX, goalY)) return;
     ctx.roundRect(x(view, goalX) - half, y(view, goalY) - half, 2 * half, 2 * half, half * 0.35);
   }, ctx, (ink) => stroke(ctx, ink, view.scale >= DETAILED ? 1.8 : 1));
+  ctx.globalAlpha = 1;
   if (view.scale >= LABELLED) {
     episode.labels.forEach((text, robot) => {
       const [goalX, goalY] = episode.goals[robot];
@@ -123,7 +127,7 @@ export function drawNow(ctx, view, player, chosen, detail) {
 
 function drawRobots(ctx, view, player, place) {
   const { episode, frame, next, fraction } = player;
-  const radius = Math.max(1.6, view.scale * 0.4);
+  const radius = Math.max(2.2, view.scale * 0.4);
   const halfway = fraction > 0.5 ? next : frame;
   const count = episode.robots.length;
   const seen = (robot) => visible(view, frame.x[robot], frame.y[robot]);

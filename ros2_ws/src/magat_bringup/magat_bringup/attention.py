@@ -4,6 +4,9 @@ Attention is on no topic. But the sums of a deployed policy have no order (`maga
 is computed from the recorded observations and features is, to the last bit, what the robots computed.
 """
 
+from collections import defaultdict
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 
@@ -37,6 +40,16 @@ def links(recording: TeamRecording, policy: Policy | None = None) -> pd.DataFram
     if not parts:
         return pd.DataFrame(columns=["episode", "tick", "receiver", "sender", "distance", "neighbours", "conflict"])
     return pd.concat(parts, ignore_index=True)
+
+
+def links_at(recording: TeamRecording, episode: Episode, tick: int, policy: Policy) -> pd.DataFrame | None:
+    """As `links`, of one tick of ``episode``; None if nobody heard anybody.
+
+    Raises:
+        BagError: the features are not what ``policy`` makes of the observations.
+    """
+    alone = replace(episode, ticks=defaultdict(Tick, {tick: episode.ticks[tick]}))
+    return _links(recording, alone, policy)
 
 
 def _links(recording: TeamRecording, episode: Episode, policy: Policy | None) -> pd.DataFrame | None:

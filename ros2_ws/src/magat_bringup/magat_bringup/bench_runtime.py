@@ -4,6 +4,7 @@ import os
 import tempfile
 import time
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,11 +16,14 @@ from rich.table import Table
 
 from magat_bringup.client import EpisodeClient
 from magat_bringup.environment import network_for, own_domain
-from magat_bringup.processes import TeamProcesses
+from magat_bringup.processes import TeamError, TeamProcesses
 from magat_bringup.team import TeamFile, TeamPlan
 from magat_interfaces.action import RunEpisode
 from magat_robot.policy.deployment import load_policy
 from magat_training.cases import SET_SEED, SPLITS
+from magat_viewer.address import HOST as PAGE_HOST
+from magat_viewer.address import free_port
+from magat_viewer.follower import Follower
 
 #: How long a team may take to come together, seconds.
 READY = 300.0
@@ -35,6 +39,8 @@ class Setting:
     backend: str
     #: Whether all that the team says is recorded.
     recorded: bool = False
+    #: Whether somebody follows it by the page, and looks at a robot.
+    viewed: bool = False
 
     @property
     def robots(self) -> int:
@@ -79,6 +85,7 @@ def measure(setting: Setting, policy: Path, ticks: int, encoding: str = "") -> S
             backend=setting.backend,
             ready_timeout=READY,
             record=Path(folder, "bag") if setting.recorded else None,
+            view=free_port() if setting.viewed else None,
         )
         network = network_for(domain, plan.nodes)
         plan = replace(plan, server=bool(network.server))
@@ -90,8 +97,13 @@ def measure(setting: Setting, policy: Path, ticks: int, encoding: str = "") -> S
         with (
             TeamProcesses(plan, Path(folder, "logs"), network.variables) as team,
             EpisodeClient(team, domain) as client,
+            ExitStack() as stack,
         ):
             client.wait_for_simulator(READY)
+            if setting.viewed:
+                follower = stack.enter_context(Follower(f"http://{PAGE_HOST}:{plan.view}/", chosen=0))
+                if not client.spin(lambda: follower.counts["team"] > 0, READY):
+                    raise TeamError(f"the page does not answer after {READY:g} s")
             if setting.recorded:
                 client.wait_for_recorder()
 
@@ -152,7 +164,7 @@ def summary(results: Iterable[tuple[Setting, Speed]], inferences: Mapping[str, f
     p50 = {setting: speed.p50 for setting, speed in results}
     for setting, median in p50.items():
         echo = p50.get(replace(setting, backend="echo"))
-        if setting.backend in inferences and echo is not None and not setting.recorded:
+        if setting.backend in inferences and echo is not None and not (setting.recorded or setting.viewed):
             bare = echo + inferences[setting.backend]
             lines.append(
                 f"{setting.processes} x {setting.crew}, {setting.radio}, {setting.backend}: p50 {median:.1f} ms, "
@@ -160,11 +172,12 @@ def summary(results: Iterable[tuple[Setting, Speed]], inferences: Mapping[str, f
             )
     speeds = {setting: speed.ticks_per_second for setting, speed in results}
     for setting, speed in speeds.items():
-        alone = speeds.get(replace(setting, recorded=False))
-        if setting.recorded and alone is not None:
+        alone = speeds.get(replace(setting, recorded=False, viewed=False))
+        if (setting.recorded or setting.viewed) and alone is not None:
+            how = "recorded" if setting.recorded else "viewed"
             lines.append(
                 f"{setting.processes} x {setting.crew}, {setting.radio}, {setting.backend}: {speed:.0f} ticks/s "
-                f"recorded, {alone:.0f} not: {speed / alone - 1:+.1%}"
+                f"{how}, {alone:.0f} not: {speed / alone - 1:+.1%}"
             )
     return "\n".join(lines)
 
@@ -178,7 +191,7 @@ def table(results: Iterable[tuple[Setting, Speed]]) -> Table:
         result.add_column(heading, justify="right", no_wrap=True)
     for setting, speed in results:
         result.add_row(
-            f"{setting.processes} x {setting.crew}" + " rec." * setting.recorded,
+            f"{setting.processes} x {setting.crew}" + " rec." * setting.recorded + " viewed" * setting.viewed,
             setting.radio,
             setting.backend,
             str(speed.ticks),

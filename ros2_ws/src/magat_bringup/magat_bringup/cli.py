@@ -172,6 +172,17 @@ def _parser() -> argparse.ArgumentParser:
         help="write a recorded team's page to a PNG file by Chromium, and end",
     )
 
+    plot = commands.add_parser("plot", help="draw a recorded episode: paths, links and attention, or an animation")
+    plot.set_defaults(execute=execution.plot_command)
+    plot.add_argument("bag", type=Path)
+    plot.add_argument("--episode", type=int, default=0, metavar="K", help="number, from 0 (default: the first)")
+    plot.add_argument("--tick", type=int, metavar="N", help="whose links are drawn (default: that with most links)")
+    plot.add_argument("--robot", metavar="NAME", help="draw the attention of this one alone (default: of all)")
+    plot.add_argument("--policy", help="name or folder of what the robots carried (default: by its digest)")
+    plot.add_argument(
+        "--output", type=Path, default=Path("plot.svg"), metavar="FILE", help="SVG, PNG, PDF, or a GIF, which moves"
+    )
+
     for joining in (record, deploy, replay, view):
         joining.add_argument("--domain", type=_domain, help="ROS domain of the team (default: the environment's)")
         joining.add_argument(
@@ -292,6 +303,12 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     runtime.add_argument("--radios", choices=["direct", "relayed"], nargs="+", default=["direct", "relayed"])
     runtime.add_argument("--record", action="store_true", help="time each team a second time, while it is recorded")
+    runtime.add_argument(
+        "--view", action="store_true", help="time each team again, while somebody follows it by the page"
+    )
+    runtime.add_argument(
+        "--backends", choices=BACKENDS, nargs="+", default=list(BACKENDS), help="what computes (default: each in turn)"
+    )
     runtime.add_argument("--ticks", type=_positive, default=100, help="of each team, at least")
 
     bench_sim = commands.add_parser("bench-sim", help="how fast the batched simulator is, and what takes how long")

@@ -116,6 +116,13 @@ def analyze_command(options: argparse.Namespace, console: Console) -> int:
     return 0
 
 
+def plot_command(options: argparse.Namespace, console: Console) -> int:
+    from magat_bringup.plot import plot
+
+    plot(options.bag, options.episode, options.tick, options.robot, options.policy, options.output, console)
+    return 0
+
+
 def replay_command(options: argparse.Namespace, console: Console) -> int:
     from magat_bringup.replay import replay
 
@@ -164,11 +171,11 @@ def bench_runtime_command(options: argparse.Namespace, console: Console) -> int:
     policy = find_policy(options.policy)
     _exported(options.policy, console)
     settings = [
-        Setting(processes, crew, radio, backend, recorded)
+        Setting(processes, crew, radio, backend, recorded, viewed)
         for processes, crew in options.teams
         for radio in options.radios
-        for backend in ("torch", "onnx", "echo")
-        for recorded in ((False, True) if options.record else (False,))
+        for backend in options.backends
+        for recorded, viewed in [(False, False), *([(True, False)] * options.record), *([(False, True)] * options.view)]
     ]
     results = list(bench_runtime(settings, policy, options.ticks, console))
     printer = Console()

@@ -5,11 +5,12 @@ letters.
 """
 
 from collections import defaultdict
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib import patches
+from matplotlib import patches, patheffects, rc_context
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
@@ -22,15 +23,29 @@ from magat_sim.grid import IntArray
 from magat_sim.radio import COMMUNICATION_RADIUS
 
 _FEW = 40
+_LISTENING = ROBOT_INKS[0]
 
 
-def save_picture(record: EpisodeRecord, path: Path, links_at: int | None = None) -> None:
+@dataclass(frozen=True)
+class Attention:
+    """Whom robots listened to at one instant."""
+
+    #: ``[N, N]`` weights e_ij: how much i (row) listened to j (column); 0 where it did not hear it.
+    weights: FloatArray
+    #: The one robot whose attention is drawn; that of all if None.
+    robot: int | None = None
+
+
+def save_picture(
+    record: EpisodeRecord, path: Path, links_at: int | None = None, attention: Attention | None = None
+) -> None:
     """Draw the whole episode: paths from start to goal, the links of one instant, and how it went over time.
 
     Args:
         record: the episode.
-        path: PNG file to write.
+        path: file to write: PNG, SVG or PDF, by the end of its name.
         links_at: instant, 0 to T, whose communication links are drawn; the one with most links if None.
+        attention: at that instant; links are then as wide as it.
 
     Raises:
         ValueError: the episode has no instant ``links_at``.
@@ -51,14 +66,19 @@ def save_picture(record: EpisodeRecord, path: Path, links_at: int | None = None)
 
     board = place(left + (inner - width * cell) / 2, base, width * cell, height * cell)
     _draw_map(board, record, cell)
-    _draw_links(board, record, cell, instant)
-    _draw_paths(board, record, cell, instant)
-    _draw_marks(board, record, cell)
+    if attention is None:
+        _draw_links(board, record, cell, instant)
+        _draw_paths(board, record, cell, instant)
+        _draw_marks(board, record, cell)
+    else:
+        # Where robots were then is what matters: all else is faint.
+        _draw_paths(board, record, cell, instant, strength=0.3)
+        _draw_attention(board, record, cell, instant, attention)
     arrived = place(left, bottom + strip + gap, inner, strip)
     blocked = place(left, bottom, inner, strip)
     _draw_strips(arrived, blocked, record, instant)
     figure.legend(
-        handles=_legend(record, instant), loc="center left", ncols=5, fontsize=8,
+        handles=_legend(record, instant, attention), loc="center left", ncols=5, fontsize=8,
         bbox_to_anchor=((left - 0.08) / sheet[0], (base - 0.42) / sheet[1]), labelcolor=tint(INK, 0.85),
         frameon=False, columnspacing=1.4, handletextpad=0.5, borderpad=0,
     )  # fmt: skip
@@ -66,7 +86,8 @@ def save_picture(record: EpisodeRecord, path: Path, links_at: int | None = None)
     title = figure.text(x, (top + 0.42) / sheet[1], record.title, fontsize=13, weight="bold", color=INK)
     title.set_parse_math(False)
     figure.text(x, (top + 0.18) / sheet[1], record.outcome, fontsize=9, color=tint(INK, 0.75))
-    figure.savefig(path, format="png", dpi=200)
+    with rc_context({"svg.hashsalt": "magat"}):  # the same picture is the same file
+        figure.savefig(path, dpi=200, metadata={"Date": None} if path.suffix == ".svg" else None)
 
 
 def _draw_map(board: Axes, record: EpisodeRecord, cell: float) -> None:
@@ -103,14 +124,39 @@ def _draw_links(board: Axes, record: EpisodeRecord, cell: float, instant: int) -
     board.add_collection(LineCollection(ends, colors=INK, alpha=0.28, linewidths=min(0.9, 4 * cell), zorder=2))
 
 
-def _draw_paths(board: Axes, record: EpisodeRecord, cell: float, instant: int) -> None:
+def _draw_attention(board: Axes, record: EpisodeRecord, cell: float, instant: int, attention: Attention) -> None:
+    """Of each link the half at the robot that listens, as wide as its attention; of one robot alone whole links."""
+    here = record.positions[instant]
+    receiver, sender = np.nonzero(attention.weights)
+    if attention.robot is not None:
+        receiver, sender = receiver[receiver == attention.robot], sender[receiver == attention.robot]
+        reach = patches.Circle(here[attention.robot], COMMUNICATION_RADIUS, fc="none", ec=tint(INK, 0.5), zorder=2)
+        reach.set(linestyle=(0, (4, 3)), linewidth=0.9)
+        board.add_patch(reach)
+    share = attention.weights[receiver, sender]
+    ends = here[sender] if attention.robot is not None else (here[receiver] + here[sender]) / 2
+    lines = np.stack([here[receiver], ends], axis=1)
+    widths = (0.4 + 8 * share) * min(1.0, 4 * cell)
+    links = LineCollection(list(lines), colors=_LISTENING, alpha=0.75, linewidths=widths, capstyle="butt", zorder=5)
+    board.add_collection(links)
+    for robot, arrived in enumerate(record.on_goal[instant]):
+        if not arrived:
+            _draw_mark(board, tuple(record.goals[robot]), 0.7, cell, "missed", robot)
+        _draw_mark(board, tuple(here[robot]), 1.0, cell, "reached" if arrived else "last", robot)
+    if attention.robot is not None and cell >= 0.15:
+        for (x, y), value in zip(here[sender], share, strict=True):
+            text = board.text(x + 0.45, y + 0.45, f"{100 * value:.0f} %", size=26 * cell, color=INK, zorder=8)
+            text.set_path_effects([patheffects.withStroke(linewidth=2, foreground="white")])
+
+
+def _draw_paths(board: Axes, record: EpisodeRecord, cell: float, instant: int, strength: float = 1.0) -> None:
     width, lanes = min(2.4, 8.5 * cell), _lanes(record)
     here = record.positions[instant] + lanes
     for robot in range(record.robots):
         line, order = _smooth(record.positions[:, robot], lanes[robot]), 3 + robot / record.robots
         look: dict[str, Any] = {"fc": "none", "capstyle": "round", "joinstyle": "round", "zorder": order}
         board.add_patch(patches.PathPatch(line, ec="white", lw=1.7 * width, **look))
-        board.add_patch(patches.PathPatch(line, ec=robot_colour(robot), lw=width, **look))
+        board.add_patch(patches.PathPatch(line, ec=tint(robot_colour(robot), strength), lw=width, **look))
         dot: dict[str, Any] = {"markersize": 3.2 * width, "markeredgewidth": 0.4 * width, "zorder": 5.0}
         board.plot(*here[robot], "o", color=robot_colour(robot), markeredgecolor="white", **dot)
 
@@ -186,12 +232,21 @@ def _draw_strips(arrived: Axes, blocked: Axes, record: EpisodeRecord, instant: i
     blocked.set_xlabel("step", fontsize=8, color=tint(INK, 0.7), labelpad=1)
 
 
-def _legend(record: EpisodeRecord, instant: int) -> list[Line2D]:
+def _legend(record: EpisodeRecord, instant: int, attention: Attention | None) -> list[Line2D]:
     ink = tint(INK, 0.75)
 
     def mark(shape: str, fill: str, label: str) -> Line2D:
         return Line2D([], [], ls="none", marker=shape, ms=7, mec=ink, mfc=fill, mew=1.3, label=label)
 
+    if attention is not None:
+        whose = "attention" if attention.robot is None else f"attention of robot {attention.robot}"
+        label = f"{whose} at step {instant}: the wider, the more"
+        return [
+            mark("o", ink, "robot"),
+            mark("s", "white", "its goal"),
+            mark("s", ink, "robot at goal"),
+            Line2D([], [], color=_LISTENING, alpha=0.75, lw=4, label=label),
+        ]
     entries = [mark("o", "white", "start")]
     if record.on_goal[-1].any():
         entries.append(mark("s", ink, "goal, reached"))

@@ -1,0 +1,92 @@
+"""``magat plot``: pictures of recorded teams for papers, with whom robots listened to, and animations."""
+
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.progress import Progress
+
+from magat_bringup.analysis import Episode, TeamRecording
+from magat_bringup.analyze import carried_policy
+from magat_bringup.animation import save_animation
+from magat_bringup.attention import links_at
+from magat_bringup.bag import BagError
+from magat_bringup.picture import Attention, save_picture
+from magat_bringup.record import EpisodeRecord
+from magat_robot.policy.policy import Policy
+
+#: What pictures are written as, and what animations are.
+PICTURES, ANIMATION = (".svg", ".png", ".pdf"), ".gif"
+
+
+def plot(
+    bag: Path, episode: int, tick: int | None, robot: str | None, policy: str | None, output: Path, console: Console
+) -> None:
+    """Draw an episode: all paths, and the links and attention at one tick; or all of it as an animation.
+
+    Args:
+        bag: folder or file.
+        episode: number of the episode, from 0.
+        tick: whose links are drawn; the one with most links if None.
+        robot: name of the one whose attention alone is drawn; that of all if None.
+        policy: name or folder of what the robots carried; found by its digest if None.
+        output: file to write, an animation if it is a GIF.
+        console: shows what goes on, and what cannot be drawn.
+
+    Raises:
+        BagError: it cannot be read, or there is no such episode, tick or robot in it, or no such kind of file.
+        ModelError: there is no policy ``policy``.
+    """
+    kinds = [*PICTURES, ANIMATION]
+    if output.suffix not in kinds:
+        raise BagError(f"{output} is none of the files that can be written: end its name in {', '.join(kinds)}")
+    with console.status(f"reading {bag}"):
+        recording = TeamRecording(bag)
+    if not 0 <= episode < len(recording.all_episodes):
+        raise BagError(f"{bag} has no episode {episode}: it has 0 to {len(recording.all_episodes) - 1}")
+    if robot is not None and robot not in recording.names:
+        raise BagError(f"{bag} has no robot {robot!r}: it has {', '.join(recording.names)}")
+    shown = recording.all_episodes[episode]
+    record = _record(shown, recording)
+    if output.suffix == ANIMATION:
+        with Progress(console=console, transient=True) as progress:
+            task = progress.add_task("drawing")
+            save_animation(record, output, lambda done, of: progress.update(task, completed=done, total=of))
+    else:
+        at = int(np.argmax([len(pairs) for pairs in record.links])) if tick is None else tick
+        if not 0 <= at <= record.steps:
+            raise BagError(f"episode {episode} of {bag} has no tick {at}: it has 0 to {record.steps}")
+        chosen = None if robot is None else recording.names.index(robot)
+        carried, why = carried_policy(recording, policy)
+        if carried is None:
+            console.print(f"Without attention: {why}", markup=False)
+        save_picture(record, output, at, _attention(recording, shown, at, carried, chosen))
+    console.print(f"The episode is in {output}", highlight=False)
+
+
+def _record(episode: Episode, recording: TeamRecording) -> EpisodeRecord:
+    seen = episode.recording
+    carried = recording.equipment.policy if recording.equipment is not None else "unknown policy"
+    height, width = seen.obstacles.shape
+    return EpisodeRecord(
+        obstacles=seen.obstacles,
+        goals=seen.goals,
+        positions=seen.positions,
+        blocked=seen.blocked,
+        title=f"{carried}, {width}x{height}, {len(seen.robots)} robots",
+    )
+
+
+def _attention(
+    recording: TeamRecording, episode: Episode, tick: int, policy: Policy | None, chosen: int | None
+) -> Attention | None:
+    """In the first round of ``tick``, the mean over the heads; None if nothing is known of it."""
+    if policy is None or policy.config.taps == 1:
+        return None
+    table = links_at(recording, episode, tick, policy)
+    if table is None:
+        return None
+    first = table[table["round"] == 0].groupby(["receiver", "sender"]).attention.mean()
+    weights = np.zeros((len(recording.names), len(recording.names)))
+    weights[first.index.get_level_values("receiver"), first.index.get_level_values("sender")] = first
+    return Attention(weights, chosen)

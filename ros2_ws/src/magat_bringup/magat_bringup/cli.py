@@ -304,7 +304,7 @@ def _parser() -> argparse.ArgumentParser:
     runtime.add_argument("--radios", choices=["direct", "relayed"], nargs="+", default=["direct", "relayed"])
     runtime.add_argument("--record", action="store_true", help="time each team a second time, while it is recorded")
     runtime.add_argument(
-        "--view", action="store_true", help="time each team again, while somebody follows it by the page"
+        "--view", action="store_true", help="time each team again, while the page is followed"
     )
     runtime.add_argument(
         "--backends", choices=BACKENDS, nargs="+", default=list(BACKENDS), help="what computes (default: each in turn)"

@@ -54,6 +54,10 @@ bench-training: setup ## Observations a second in training, and what takes how l
 bench-runtime: setup ## How fast a team ticks, by radio and processes (ARGS="--teams 10x1" chooses)
 	@$(BIN)/magat bench-runtime $(ARGS)
 
+.PHONY: bench-view
+bench-view: setup ## Frames a second of the page, and what its server takes, at 10, 200 and 1,000 robots
+	@$(BIN)/magat bench-view $(ARGS)
+
 .PHONY: lint
 lint: setup ## Check style, format and types
 	@$(BIN)/ruff check .

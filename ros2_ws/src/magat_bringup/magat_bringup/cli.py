@@ -303,13 +303,15 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     runtime.add_argument("--radios", choices=["direct", "relayed"], nargs="+", default=["direct", "relayed"])
     runtime.add_argument("--record", action="store_true", help="time each team a second time, while it is recorded")
-    runtime.add_argument(
-        "--view", action="store_true", help="time each team again, while the page is followed"
-    )
+    runtime.add_argument("--view", action="store_true", help="time each team again, while the page is followed")
     runtime.add_argument(
         "--backends", choices=BACKENDS, nargs="+", default=list(BACKENDS), help="what computes (default: each in turn)"
     )
     runtime.add_argument("--ticks", type=_positive, default=100, help="of each team, at least")
+
+    bench_view = commands.add_parser("bench-view", help="how smoothly the page draws, and what its server takes")
+    bench_view.set_defaults(execute=execution.bench_view_command)
+    bench_view.add_argument("--seconds", type=_seconds, default=10.0, help="of each team (default: 10)")
 
     bench_sim = commands.add_parser("bench-sim", help="how fast the batched simulator is, and what takes how long")
     bench_sim.set_defaults(execute=execution.bench_sim_command)

@@ -184,6 +184,13 @@ def bench_runtime_command(options: argparse.Namespace, console: Console) -> int:
     return 0
 
 
+def bench_view_command(options: argparse.Namespace, console: Console) -> int:
+    from magat_bringup.bench_view import CROWDS, bench_view, table
+
+    Console().print(table(list(bench_view(CROWDS, options.seconds, console))))
+    return 0
+
+
 def evaluate_command(options: argparse.Namespace, console: Console) -> int:
     from magat_bringup.evaluation import (  # torch takes a second to import
         Contender,

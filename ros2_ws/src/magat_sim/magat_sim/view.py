@@ -22,7 +22,7 @@ from magat_interfaces.msg import RobotStatus, World
 from magat_node import qos
 from magat_node.parameters import declare_count, declare_seconds, declare_value
 from magat_node.run import run_node
-from magat_sim.grid import IntArray
+from magat_sim.grid import IntArray, inside
 from magat_sim.radio import neighbours
 
 try:
@@ -134,7 +134,7 @@ class ViewNode(Node):
 def fault(world: World) -> str | None:
     """What keeps a world from being drawn, as the end of a sentence; or None."""
     robots, cells = len(world.robots), world.width * world.height
-    columns = ("x", "y", "goal_x", "goal_y", "silent", "visited")
+    columns = ("x", "y", "goal_x", "goal_y", "wanted", "moved", "silent", "visited")
     lengths = {name: len(getattr(world, name)) for name in columns}
     if robots == 0 or cells == 0:
         return f"{robots} robots are on {world.width} x {world.height} cells"
@@ -142,6 +142,9 @@ def fault(world: World) -> str | None:
         return f"{robots} robots have arrays of {lengths}"
     if len(world.obstacles) not in (0, cells):
         return f"{len(world.obstacles)} obstacles are given for {world.width} x {world.height} cells"
+    places = np.stack([[world.x, world.goal_x], [world.y, world.goal_y]], axis=-1)
+    if not inside((world.height, world.width), places).all():
+        return f"robots or goals are not on {world.width} x {world.height} cells"
     return None
 
 

@@ -89,7 +89,7 @@ def detail(robot: int, moment: Moment, said: Said, policy: "Policy | str") -> di
         "robot": robot,
         "tick": moment.tick,
         "view": ["".join(map(str, channel.ravel().tolist())) for channel in said.view],
-        "probabilities": None if preference is None else np.exp(preference.log_probabilities).round(4).tolist(),
+        "probabilities": None if preference is None else _probabilities(preference.log_probabilities),
         "primitive": None if preference is None else int(preference.primitive),
         "audible": said.audible,
         "heard": None if preference is None else int(preference.heard),
@@ -97,6 +97,11 @@ def detail(robot: int, moment: Moment, said: Said, policy: "Policy | str") -> di
         "neighbours": [{"robot": other, "attention": weights.get(other)} for other in near],
         "why": why,
     }
+
+
+def _probabilities(logarithms: Any) -> list[float]:
+    """From 0 to 1, whatever a robot says: JSON has no other numbers."""
+    return np.nan_to_num(np.exp(np.minimum(logarithms, 0.0))).round(4).tolist()
 
 
 def _near(robot: int, positions: IntArray) -> list[int]:

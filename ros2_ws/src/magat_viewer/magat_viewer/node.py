@@ -108,7 +108,7 @@ class LiveTeam:
             kept.extend(_raw(subscription))
         for ear in self._ears.values():
             observations, *bundles = ear.subscriptions
-            ear.observations.extend(o for o in _taken(observations, Observation) if o.tick != Observation.HELLO)
+            ear.observations.extend(filter(_usable, _taken(observations, Observation)))
             for subscription in bundles:
                 ear.bundles.extend(_raw(subscription))
 
@@ -155,7 +155,7 @@ class LiveTeam:
     def _step(self, world: World) -> None:
         if fault(world) is not None:
             return
-        if self._episode is None or world.episode != self._episode.id:
+        if self._episode is None or not self._episode.holds(world):
             self._episode = EpisodeState(self.newest + 1, world)
             self._worlds.clear()
             self._frames.clear()
@@ -242,6 +242,12 @@ class LiveTeam:
             )
         except ModelError as error:
             self._policies[status.digest] = str(error)
+
+
+def _usable(told: Observation) -> bool:
+    """Not a hello, nor damaged."""
+    view = np.frombuffer(told.field_of_view, dtype=np.uint8)
+    return told.tick != Observation.HELLO and view.size == np.prod(OBSERVATION_SHAPE) and bool((view <= 1).all())
 
 
 def _taken(subscription: Subscription, kind: type) -> list[Any]:

@@ -48,6 +48,11 @@ class EpisodeState:
         self._seconds = 0.0
         self._count(world)
 
+    def holds(self, world: Any) -> bool:
+        """Whether a world is one of this episode."""
+        same = (world.episode, world.width, world.height) == (self.id, self.width, self.height)
+        return same and list(world.robots) == self.robots
+
     def step(self, world: Any) -> None:
         """Take the next world; one that was seen already, or comes late, changes nothing."""
         if world.tick <= self.tick:

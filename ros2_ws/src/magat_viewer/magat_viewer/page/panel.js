@@ -112,7 +112,8 @@ export class RobotPanel {
     }
     this.decision(player, chosen, detail);
     const nothing = live ? "No detail of this tick was seen." : "The recording has no observation of this tick.";
-    write($("why"), detail ? detail.why : nothing);
+    const other = detail && detail.tick !== player.tick ? `What it saw and decided is of tick ${detail.tick}. ` : "";
+    write($("why"), detail ? other + detail.why : nothing);
     this.view(detail);
     this.links(episode, detail);
   }

@@ -1,0 +1,134 @@
+"""The page of real teams: what the world said, and what a robot saw, heard and decided; and it disturbs nobody."""
+
+import os
+import re
+import signal
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+import rclpy
+
+from magat_bringup.view import live_page
+from magat_sim.radio import neighbours
+from magat_training.cases import SPLITS
+from magat_viewer.address import HOST, free_port
+from magat_viewer.detail import Moment
+from magat_viewer.follower import Follower
+
+pytestmark = pytest.mark.system
+
+CASE = SPLITS["test"][3]
+#: Of 10 robots in frames, after the head.
+POSITIONS = slice(32, 32 + 40)
+
+
+@pytest.fixture(params=["team", "relayed_team"])
+def watched(request) -> Iterator[tuple]:
+    """A team of ten, one with either radio, and its page in this process."""
+    team = request.getfixturevalue(request.param)
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context, domain_id=int(team.environment["ROS_DOMAIN_ID"]))
+    try:
+        with live_page(context, "/") as page:
+            yield team, page
+    finally:
+        context.try_shutdown()
+
+
+def heard_by_the_page(team) -> set[str]:
+    node = team.client.node
+    return {topic for topic, _ in node.get_subscriber_names_and_types_by_node("viewer", "/")}
+
+
+@pytest.mark.timeout(200)
+def test_it_shows_the_world_and_the_inside_of_the_chosen_robot(watched):
+    team, page = watched
+    with Follower(page.url, chosen=3) as follower:
+        assert team.client.spin(lambda: follower.counts["team"] > 0, 20.0)
+        details, recordings = [{"neighbours": []}], {}
+
+        def look(_: object) -> None:
+            details.append(follower.last.get("detail", details[0]))
+
+        deadline = time.monotonic() + 90
+        # At first it has no policy loaded, and does not hear what the robot is told.
+        while not any(any(one["attention"] for one in detail["neighbours"]) for detail in details):
+            assert time.monotonic() < deadline, details[-1:]
+            outcome = team.run(
+                team.goal(CASE), lambda _: details.append(follower.last.get("detail", {"neighbours": []}))
+            )
+            recordings[follower.last["scene"]["episode"]] = outcome.recording
+        assert team.client.spin(lambda: shown_tick(follower) == outcome.result.ticks, 20.0)
+        assert heard_by_the_page(team) >= {"/world", "/robot_status", "/preference", "/robot_3/observation"}
+
+        last = outcome.recording
+        frame = follower.last["frames"]
+        size = len(frame) // max(1, len(frame) // (32 + 52))
+        cells = np.frombuffer(frame[-size:][POSITIONS], "<i2").reshape(2, 10).T
+        assert cells.tolist() == last.positions[-1].tolist()
+        assert follower.last["scene"]["goals"] == last.goals.tolist()
+
+        detail = next(d for d in reversed(details) if any(one["attention"] for one in d["neighbours"]))
+        recording, tick = recordings[detail["episode"]], detail["tick"]
+        moment = Moment(tick, recording.positions[tick], recording.goals, recording.obstacles)
+        [view] = moment.views([3])
+        assert detail["view"] == ["".join(map(str, channel.ravel())) for channel in view]
+        row = neighbours(np.zeros(10, dtype=np.int64), moment.positions)[3]
+        assert [one["robot"] for one in detail["neighbours"]] == row[row >= 0].tolist()
+        assert sum(one["attention"][0] for one in detail["neighbours"] if one["attention"]) == pytest.approx(
+            1, abs=1e-3
+        )
+        assert sum(detail["probabilities"]) == pytest.approx(1, abs=1e-3)
+        assert detail["primitive"] == recording.wanted[tick, 3]
+        assert detail["why"] == ""
+    # Nobody looks at a robot any more: only what is told to all tools is heard.
+    node = team.client.node
+    assert team.client.spin(lambda: heard_by_the_page(team) == {"/world", "/robot_status"}, 20.0)
+    spoken = {topic for topic, _ in node.get_publisher_names_and_types_by_node("viewer", "/")}
+    assert spoken <= {"/rosout", "/parameter_events"}
+
+
+def shown_tick(follower: Follower) -> int:
+    frame = follower.last.get("frames")
+    return -1 if frame is None else struct.unpack_from("<I", frame, len(frame) - (32 + 52) + 4)[0]
+
+
+def test_the_page_is_a_process_of_the_team_and_is_started_again(start_team):
+    port = free_port()
+    with start_team(2, view=port) as team, Follower(f"http://{HOST}:{port}/") as follower:
+        for times in (1, 2):
+            assert team.client.spin(lambda times=times: follower.counts["team"] == times, 60.0)
+            seen = follower.counts["frames"]
+            outcome = team.run(team.goal(CASE))
+            assert team.client.spin(lambda seen=seen: follower.counts["frames"] > seen, 20.0)
+            assert follower.last["scene"]["robots"] == outcome.recording.robots
+            if times == 1:
+                os.kill(team.processes.pids("viewer")[0], signal.SIGKILL)
+        health = follower.last["health"]["processes"]
+        assert {process["digest"] for process in health} == {next(iter(team.statuses().values())).digest}
+
+
+def test_a_team_that_runs_is_joined(team):
+    inherited = {k: v for k, v in os.environ.items() if k != "_ROS_WHEELS_BOOTSTRAP_COMPLETE"}
+    view = subprocess.Popen(
+        [sys.executable, "-m", "magat_bringup", "view", "--namespace", "/"],
+        env=inherited | team.environment | {"PYTHONUNBUFFERED": "1"},
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        said = view.stderr.readline()
+        [url] = re.findall(r"http://\S+", said)
+        with Follower(url) as follower:
+            assert team.client.spin(lambda: follower.counts["team"] > 0, 20.0)
+            team.run(team.goal(CASE))
+            assert team.client.spin(lambda: follower.counts["frames"] > 0, 20.0)
+        view.send_signal(signal.SIGINT)
+        assert view.wait(20) == 130
+    finally:
+        view.kill()

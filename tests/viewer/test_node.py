@@ -1,0 +1,154 @@
+"""The page's ears: what is heard of a team, and that nothing that is said can end them."""
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import rclpy
+
+from magat_bringup.environment import loopback, own_domain
+from magat_interfaces.msg import Observation, Preference, RobotStatus, World
+from magat_node import qos
+from magat_viewer.node import LiveTeam
+
+NAMES = ["alice", "bob"]
+
+
+def world(tick: int, episode: int = 5, **fields: object) -> World:
+    said = {"x": [tick, 0], "y": [0, 1], "goal_x": [9, 0], "goal_y": [0, 1], "wanted": [4, 0], "moved": [4, 0]}
+    said |= {"silent": [False, False], "visited": [False, True], "robots": NAMES, "width": 10, "height": 2}
+    said |= {"obstacles": [0] * 20 if tick == 0 else [], "t_max": 30, "seconds": 0.1, "links": 2}
+    return World(episode=episode, tick=tick, **(said | fields))
+
+
+@pytest.fixture(scope="module")
+def talk() -> Iterator[SimpleNamespace]:
+    """A team that is listened to, and publishers to speak in its place; ``say`` waits until it is heard."""
+    with own_domain() as domain, pytest.MonkeyPatch.context() as patch:
+        for name, value in loopback(domain).items():
+            patch.setenv(name, value)
+        context = rclpy.Context()
+        rclpy.init(args=[], context=context, domain_id=domain)
+        team = LiveTeam(context, lambda digest: None, "/")
+        node = rclpy.create_node("speaker", context=context)
+        publishers: dict[str, object] = {}
+
+        def until(condition: Callable[[], bool], chosen: set[int] = frozenset()) -> None:
+            deadline = time.monotonic() + 20
+            while not condition():
+                assert time.monotonic() < deadline
+                team.poll(chosen)
+                time.sleep(0.005)
+
+        def say(topic: str, message: object, profile: object, chosen: set[int] = frozenset()) -> None:
+            if topic not in publishers:
+                publishers[topic] = node.create_publisher(type(message), topic, profile)
+            publisher = publishers[topic]
+            until(lambda: publisher.get_subscription_count() > 0, chosen)
+            publisher.publish(message)
+
+        try:
+            yield SimpleNamespace(team=team, say=say, until=until, node=node)
+        finally:
+            node.destroy_node()
+            team.destroy()
+            context.try_shutdown()
+
+
+def show(talk: SimpleNamespace, message: World) -> None:
+    talk.say("world", message, qos.reliable(100))
+    talk.until(lambda: talk.team.newest >= 0 and talk.team.frames(talk.team.newest, -1)[0] == message.tick)
+
+
+def test_an_episode_is_followed_world_by_world(talk):
+    before = talk.team.newest
+    for tick in range(3):
+        show(talk, world(tick))
+    assert talk.team.newest == before + 1
+    assert talk.team.scene(talk.team.newest)["robots"] == NAMES
+    tick, frames = talk.team.frames(talk.team.newest, 0)
+    assert (tick, len(frames)) == (2, 2 * (32 + 12)), "two frames are new"
+    assert talk.team.frames(talk.team.newest, 2) == (2, b"")
+
+
+def test_results_come_when_an_episode_is_over(talk):
+    show(talk, world(0, episode=6))
+    show(talk, world(1, episode=6, t_max=1))
+    assert talk.team.results()[-1]["measures"]["success"] is False
+    assert talk.team.results()[-1]["episode"] == talk.team.newest
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"wanted": [1]},
+        {"moved": []},
+        {"x": [1]},
+        {"x": [1, 10]},
+        {"y": [0, -1]},
+        {"goal_y": [2, 0]},
+        {"robots": []},
+        {"obstacles": [0] * 7},
+        {"width": 0},
+    ],
+)
+def test_a_damaged_world_is_not_shown(talk, damage):
+    episode = 100 + len(str(damage))
+    show(talk, world(0, episode=episode))
+    number = talk.team.newest
+    talk.say("world", world(1, episode=episode, **damage), qos.reliable(100))
+    show(talk, world(2, episode=episode))
+    assert talk.team.newest == number
+    tick, frames = talk.team.frames(number, -1)
+    assert (tick, len(frames)) == (2, 2 * (32 + 12))
+
+
+def test_other_robots_or_another_map_are_another_episode(talk):
+    show(talk, world(0, episode=7))
+    number = talk.team.newest
+    show(talk, world(1, episode=7, width=12, height=3))
+    show(talk, world(2, episode=7, robots=["alice", "carol"]))
+    assert talk.team.newest == number + 2
+    assert talk.team.scene(talk.team.newest)["obstacles"] is None
+
+
+def test_the_inside_of_a_robot_is_heard_while_somebody_looks(talk):
+    show(talk, world(0, episode=8))
+    status = RobotStatus(robots=["bob"], policy="MAGAT-F-128", digest="d" * 64, radio="direct")
+    talk.say("robot_status", status, qos.reliable(100), {1})
+    told = Observation(episode=8, tick=0, own_tag=77, audible_tags=[5])
+    told.field_of_view = np.tile([0, 1, 0], 121).astype(np.uint8)
+    wish = Preference(episode=8, tick=0, tag=77, primitive=2, heard=1, compute_us=1500)
+    wish.log_probabilities = np.log([0.1, 0.2, 0.4, 0.2, 0.1]).astype(np.float32)
+    damaged = Observation(episode=8, tick=0, own_tag=78)
+    hello = Observation(tick=Observation.HELLO, field_of_view=told.field_of_view)
+    for message in (told, damaged, hello):
+        talk.say("bob/observation", message, qos.newest(10), {1})
+    for tag in (77, 99):
+        wish.tag = tag
+        talk.say("preference", wish, qos.newest(10), {1})
+    talk.say("world", world(1, episode=8), qos.reliable(100), {1})
+    talk.until(lambda: (talk.team.detail(0, 0, 1) or {}).get("probabilities") is not None, {1})
+    talk.until(lambda: "there is no policy" in talk.team.detail(0, 0, 1)["why"], {1})
+    found = talk.team.detail(0, 0, 1)
+    assert found["probabilities"] == pytest.approx([0.1, 0.2, 0.4, 0.2, 0.1], abs=1e-4)
+    assert (found["tick"], found["primitive"], found["audible"], found["heard"]) == (0, 2, 1, 1)
+    assert found["view"][0] == "".join(map(str, told.field_of_view[:121]))
+    assert talk.team.detail(0, 0, 0) is None, "nobody looks at alice"
+    talk.until(lambda: talk.node.count_subscribers("bob/observation") == 0)
+
+
+def test_numbers_that_are_none_do_not_reach_browsers(talk):
+    show(talk, world(0, episode=9))
+    told = Observation(episode=9, tick=0, own_tag=3, field_of_view=np.zeros(363, dtype=np.uint8))
+    wish = Preference(episode=9, tick=0, tag=3)
+    wish.log_probabilities = np.array([np.nan, np.inf, -np.inf, 900.0, -0.5], dtype=np.float32)
+    talk.say("alice/observation", told, qos.newest(10), {0})
+    talk.say("preference", wish, qos.newest(10), {0})
+    talk.say("world", world(1, episode=9), qos.reliable(100), {0})
+    talk.until(lambda: (talk.team.detail(0, 0, 0) or {}).get("probabilities") is not None, {0})
+    said = json.loads(json.dumps(talk.team.detail(0, 0, 0), allow_nan=False))
+    assert said["probabilities"] == pytest.approx([0.0, 1.0, 0.0, 1.0, 0.6065])

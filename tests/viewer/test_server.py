@@ -115,7 +115,7 @@ def test_every_part_that_a_part_imports_is_served(serve):
     assert {"map.js", "layers.js", "player.js"} <= seen
 
 
-@pytest.mark.parametrize("host", ["evil.example", "evil.example:{port}", "127.0.0.1.evil.example"])
+@pytest.mark.parametrize("host", ["evil.example", "evil.example:{port}", "127.0.0.1.evil.example", "[", ""])
 def test_a_name_of_somebody_elses_that_leads_here_is_refused(serve, host):
     page = serve(Counting())
     assert get(page, "/", Host=host.format(port=page.port)).status == 403
@@ -235,13 +235,20 @@ def test_only_this_machine_is_listened_to(serve):
         assert probe.connect_ex(("127.0.0.2", page.port)) != 0
 
 
-def test_what_ends_the_server_is_raised():
-    class Broken(Counting):
-        def poll(self, chosen: set[int]) -> None:
-            raise OSError("the disk is on fire")
+@pytest.mark.parametrize("method", ["poll", "scene"])
+def test_what_ends_the_server_is_raised(method):
+    def fail(*_: object) -> None:
+        raise OSError("the disk is on fire")
+
+    async def listen(channel: aiohttp.ClientWebSocketResponse) -> None:
+        async for _ in channel:
+            pass
 
     def serve() -> None:
-        with PageServer(Broken()) as page:
+        source = Counting()
+        setattr(source, method, fail)
+        with PageServer(source) as page:
+            follow(page, listen)
             page.wait(10.0)
 
     with pytest.raises(OSError, match="on fire"):

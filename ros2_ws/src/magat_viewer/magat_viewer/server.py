@@ -140,7 +140,7 @@ class PageServer:
     @web.middleware
     async def _guard(self, request: web.Request, handler: Any) -> web.StreamResponse:
         """Refuse who asks for another host, as pages of strangers do whose name leads here, or comes from elsewhere."""
-        if urlsplit(f"//{request.host}").hostname not in self._names:
+        if _hostname(request.host) not in self._names:
             return web.Response(status=403, text=f"{request.host} is not the name of this server\n")
         origin = request.headers.get("Origin")
         if origin is not None and origin != f"http://{request.host}":
@@ -172,6 +172,7 @@ class PageServer:
         browser = _Browser()
         self._browsers.add(browser)
         telling = asyncio.create_task(self._tell(channel, browser))
+        telling.add_done_callback(self._told)
         try:
             async for message in channel:
                 if message.type is not WSMsgType.TEXT or not _take(browser, message.data):
@@ -190,6 +191,13 @@ class PageServer:
                 await (channel.send_bytes(message) if isinstance(message, bytes) else channel.send_json(message))
             await _wait(self._ended, PERIOD)
         await channel.close(code=1001)
+
+    def _told(self, telling: asyncio.Task[None]) -> None:
+        """A browser may be gone; whatever else keeps it from being told ends the server."""
+        error = None if telling.cancelled() else telling.exception()
+        if error is not None and not isinstance(error, ConnectionError):
+            self._failure = error
+            self._ended.set()
 
     def _news(self, browser: _Browser) -> list[dict[str, Any] | bytes]:
         source, now = self._source, self._loop.time()
@@ -221,6 +229,14 @@ class PageServer:
 
 
 _LOOPBACK = {"127.0.0.1", "localhost", "::1"}
+
+
+def _hostname(host: str) -> str | None:
+    """Without its port; None if it is no host."""
+    try:
+        return urlsplit(f"//{host}").hostname
+    except ValueError:
+        return None
 
 
 def _take(browser: _Browser, text: str) -> bool:

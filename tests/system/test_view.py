@@ -98,6 +98,7 @@ def shown_tick(follower: Follower) -> int:
     return -1 if frame is None else struct.unpack_from("<I", frame, len(frame) - (32 + 52) + 4)[0]
 
 
+@pytest.mark.faults
 def test_the_page_is_a_process_of_the_team_and_is_started_again(start_team):
     port = free_port()
     with start_team(2, view=port) as team, Follower(f"http://{HOST}:{port}/") as follower:

@@ -1,5 +1,6 @@
 """Recordings of teams whose every message is known, because they are simulated here."""
 
+import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,7 @@ from magat_robot.policy.policy import Policy
 from magat_sim.episode import episode_streams
 from magat_sim.measures import EpisodeMeasures, Flowtime
 from magat_sim.ticks import Episode, Wish
+from magat_viewer.browser import BrowserError, find_chromium
 
 BEST = Flowtime(30, 31)
 NAMES = ["alice", "bob", "carol", "dave", "eve", "frank"]
@@ -34,6 +36,17 @@ class Simulated:
     #: By episode: how many features were sent and not heard.
     missing: list[int]
     names: tuple[str, ...] = tuple(NAMES)
+
+
+@pytest.fixture(scope="session")
+def needs_chromium() -> None:
+    """Skips where there is no browser, but not where all has to be tested."""
+    try:
+        find_chromium()
+    except BrowserError as error:
+        if "CI" in os.environ:
+            raise
+        pytest.skip(f"no browser test: {error}")
 
 
 @pytest.fixture

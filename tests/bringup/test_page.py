@@ -1,6 +1,5 @@
 """The page in a real browser: it loads, robots move, a click chooses, the scrubber scrubs, and it does not complain."""
 
-import os
 from collections.abc import Callable, Iterator
 from urllib.parse import urlsplit
 
@@ -8,19 +7,13 @@ import pytest
 
 from magat_bringup.analysis import TeamRecording
 from magat_bringup.recorded import RecordedTeam
-from magat_viewer.browser import BrowserError, chromium, find_chromium, until
+from magat_viewer.browser import chromium, until
 from magat_viewer.server import PageServer
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator:
-    """Chromium; where there is none the tests are skipped, but not where all has to be tested."""
-    try:
-        find_chromium()
-    except BrowserError as error:
-        if "CI" in os.environ:
-            raise
-        pytest.skip(f"no browser test: {error}")
+def browser(needs_chromium) -> Iterator:
+    """Opened once."""
     with chromium() as opened:
         yield opened
 

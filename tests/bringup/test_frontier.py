@@ -17,6 +17,7 @@ from magat_bringup.evaluation import Setting, evaluate_policy
 from magat_bringup.report_files import write_csv
 from magat_robot.policy.config import ModelError
 from magat_robot.policy.store import WEIGHTS, save
+from magat_sim.shield import SHIELDS
 from magat_sim.simulator import Rules
 from magat_training.cases import SET_SEED, SPLITS
 
@@ -195,7 +196,7 @@ def test_the_command_writes_table_file_and_picture(
     command = ["frontier", "--cases", "3", "--temperatures", "0.5", "2", "--output", str(output), *size]
     assert cli.main(command) == 0
     printed = [row.split() for row in capsys.readouterr().out.splitlines()]
-    each = [[name, shield, one] for name in policies for shield in ("idle", "pibt") for one in ("0.5", "2")]
+    each = [[name, shield, one] for name in policies for shield in SHIELDS for one in ("0.5", "2")]
     assert [row[:3] for row in printed[2:]] == each
     assert sorted(file.name for file in output.iterdir()) == ["frontier.csv", "frontier.png"]
     with (output / "frontier.csv").open(newline="") as file:

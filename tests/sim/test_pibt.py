@@ -11,7 +11,17 @@ from hypothesis import strategies as st
 from magat_sim.case import Case
 from magat_sim.episode import episode_streams
 from magat_sim.grid import DELTAS, Primitive
-from magat_sim.shield import MEMORY, NOBODY, RETURN_PENALTY, SHIELDS, Scene, pibt_memory_shield, pibt_shield, ranking
+from magat_sim.shield import (
+    MEMORY,
+    NOBODY,
+    NOWHERE,
+    RETURN_PENALTY,
+    SHIELDS,
+    Scene,
+    pibt_memory_shield,
+    pibt_shield,
+    ranking,
+)
 from magat_sim.simulator import Rules, Simulator, Wishes
 
 IDLE, UP, DOWN, LEFT, RIGHT = Primitive
@@ -25,7 +35,7 @@ def reference(scene: Scene, memory: bool) -> list[int]:
     """PIBT as Okumura et al. write it down: recursive, on sets."""
 
     def rank(i: int, a: int) -> tuple[bool, float, int]:
-        returns = int(scene.returns[i, a]) if memory else 0
+        returns = int(scene.returns[i, a]) if memory and not scene.silent[i] else 0
         return a != scene.wanted[i] or returns > 0, RETURN_PENALTY * returns - float(scene.log_probabilities[i, a]), a
 
     ranked = [sorted(range(5), key=lambda a, i=i: rank(i, a)) for i in range(len(scene.place))]
@@ -77,7 +87,7 @@ def random_scene(rng: np.random.Generator, side: int, robots: int, density: floa
         log_probabilities=rng.choice([-0.1, -1.0, -2.5, -20.0], size=(len(place), 5)).astype(np.float32),
         silent=silent,
         waited=rng.integers(4, size=len(place)),
-        returns=np.maximum(rng.integers(-2, 4, size=(len(place), 5)), 0),
+        trail=np.where(rng.random((len(place), 8)) < 0.3, NOWHERE, rng.choice(leads, 8, axis=1)),
         draw=rng.random(len(place)),
     )
 
@@ -135,8 +145,8 @@ def test_the_primitive_drawn_comes_first_and_the_rest_has_a_defined_order(sent: 
     [
         ([0, 0, 0, 0, 0], [LEFT, UP, DOWN, IDLE, RIGHT]),
         ([0, 0, 0, 0, 3], [LEFT, UP, DOWN, IDLE, RIGHT]),
-        ([0, 0, 0, 1, 0], [UP, LEFT, DOWN, IDLE, RIGHT]),  # -1.5 - 1 is more than -2.6
-        ([0, 2, 0, 2, 0], [DOWN, UP, IDLE, LEFT, RIGHT]),
+        ([0, 0, 0, 1, 0], [UP, DOWN, IDLE, LEFT, RIGHT]),  # -1.5 - 2 is less than -3.3
+        ([2, 0, 0, 2, 0], [UP, DOWN, LEFT, IDLE, RIGHT]),
     ],
 )
 def test_a_return_has_no_precedence_and_each_costs(returns: list, ranked: list) -> None:

@@ -116,9 +116,10 @@ def test_so_do_robots_that_miss_a_third_of_what_is_said(start_team, batched, pol
             assert_same(team.run_undisturbed(team.goal(CASES[index])), walks[index], feature_bytes=548)
 
 
-def test_so_do_robots_that_push_each_other_aside(start_team, batched, policy_folder):
+@pytest.mark.parametrize("shield", ["pibt", "pibt-memory"])
+def test_so_do_robots_that_push_each_other_aside(start_team, batched, policy_folder, shield):
     size = {"width": 14, "height": 14}
-    rules = Rules(shield="pibt")
+    rules = Rules(shield=shield)
     walks = batched(policy_folder, rules=rules, robots=20, **size)
     others = batched(policy_folder, robots=20, **size)
     assert any(walk.paths.tolist() != other.paths.tolist() for walk, other in zip(walks[:2], others[:2], strict=True))

@@ -9,10 +9,12 @@ import numpy.typing as npt
 from magat_sim.grid import BoolArray, IntArray, Primitive
 
 NOBODY = -1
-#: How far back the shield remembers where a robot was, steps.
-MEMORY = 64
+#: How far back a shield with memory knows where a robot was, steps: long enough to fill pockets that open late.
+MEMORY = 256
 #: What each return takes from the logarithm of a probability.
-RETURN_PENALTY = 1.0
+RETURN_PENALTY = 2.0
+#: Instead of a place in a robot's past.
+NOWHERE = -1
 # Instead of places where no robot may be.
 _WALL = -1
 
@@ -40,11 +42,16 @@ class Scene:
     silent: BoolArray
     #: ``[R]`` steps since each was on its goal, or since the start.
     waited: IntArray
-    #: ``[R, 5]`` how often each would have come back to where each primitive leads: at how many of the last `MEMORY`
-    #: instants, now included, it was there, without the first, and without those until it was last on its goal.
-    returns: IntArray
+    #: ``[R, MEMORY]`` where each was at the last instants, now included, in any order; `NOWHERE` until it was last on
+    #: its goal, or before the start.
+    trail: IntArray
     #: ``[R]`` random numbers of the episode, all different within a world.
     draw: npt.NDArray[np.float64]
+
+    @property
+    def returns(self) -> IntArray:
+        """``[R, 5]`` at how many instants of its trail, but the first, each was where each primitive leads."""
+        return np.maximum((self.trail[:, None] == self.leads[:, :, None]).sum(axis=2) - 1, 0)
 
 
 #: ``[R]`` the primitives that the robots of a scene make, none of which leads to a collision.
@@ -90,7 +97,8 @@ def pibt_memory_shield(scene: Scene) -> IntArray:
     A policy that knows no more than it sees goes to and fro in a pocket of obstacles that is wider than that, until the
     episode ends. (Korf's real-time search, AIJ 1990, leaves such pockets in the same way.)
     """
-    return _pibt(scene, ranking(scene.wanted, scene.log_probabilities, scene.returns))
+    returns = np.where(scene.silent[:, None], 0, scene.returns)  # a wall stays where it is
+    return _pibt(scene, ranking(scene.wanted, scene.log_probabilities, returns))
 
 
 def _pibt(scene: Scene, ranked: IntArray) -> IntArray:

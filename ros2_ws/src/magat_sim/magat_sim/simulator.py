@@ -12,10 +12,7 @@ from magat_sim.field_of_view import RADIUS, Uint8Array, field_of_view, pad
 from magat_sim.grid import DELTAS, BoolArray, IntArray, Primitive
 from magat_sim.measures import EpisodeMeasures, Flowtime, episode_measures
 from magat_sim.radio import neighbours, without_lost
-from magat_sim.shield import MEMORY, NOBODY, SHIELDS, Scene, blocked
-
-#: In place of a cell.
-NOWHERE = -1
+from magat_sim.shield import MEMORY, NOBODY, NOWHERE, SHIELDS, Scene, blocked
 
 
 @dataclass(frozen=True)
@@ -134,7 +131,7 @@ class Simulator:
         self._first_visit = np.where(on_goal, 0, -1)
         self._arrival = np.where(on_goal, 0, -1)  # since when on the goal; -1 while away
         self._last_visit = np.zeros(len(on_goal), dtype=np.int64)  # the start, before any
-        self._trail = np.full((len(on_goal), MEMORY), NOWHERE)  # cells where each was, since its goal
+        self._trail = np.full((len(on_goal), MEMORY), NOWHERE)
         self._remember(np.arange(len(on_goal)), on_goal)
         self._blocked = np.zeros(len(cases), dtype=np.int64)
         self._ticks = np.zeros(len(cases), dtype=np.int64)
@@ -227,7 +224,7 @@ class Simulator:
             log_probabilities=liking,
             silent=silent,
             waited=self.tick - self._last_visit[robots],
-            returns=np.maximum((self._trail[robots][:, None] == leads[:, :, None]).sum(axis=2) - 1, 0),
+            trail=self._trail[robots],
             draw=draw[robots],
         )
 

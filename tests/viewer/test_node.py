@@ -1,5 +1,6 @@
 """The page's ears: what is heard of a team, and that nothing that is said can end them."""
 
+import itertools
 import json
 import time
 from collections.abc import Callable, Iterator
@@ -15,6 +16,7 @@ from magat_node import qos
 from magat_viewer.node import LiveTeam
 
 NAMES = ["alice", "bob"]
+EPISODES = itertools.count(100)
 
 
 def world(tick: int, episode: int = 5, **fields: object) -> World:
@@ -96,7 +98,7 @@ def test_results_come_when_an_episode_is_over(talk):
     ],
 )
 def test_a_damaged_world_is_not_shown(talk, damage):
-    episode = 100 + len(str(damage))
+    episode = next(EPISODES)
     show(talk, world(0, episode=episode))
     number = talk.team.newest
     talk.say("world", world(1, episode=episode, **damage), qos.reliable(100))

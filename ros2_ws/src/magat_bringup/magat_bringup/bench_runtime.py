@@ -116,6 +116,8 @@ def measure(setting: Setting, policy: Path, ticks: int, encoding: str = "") -> S
                 goal = RunEpisode.Goal(seed=SET_SEED, number=number, width=setting.side, height=setting.side)
                 goal.density, goal.t_max = 0.1, 4 * setting.side
                 outcome = client.run(goal, note)
+                if setting.viewed and follower.last.get("detail", {}).get("why") != "":
+                    continue  # the page is still loading the policy
                 worlds = outcome.recording.worlds
                 seconds += [worlds[tick].seconds for tick in sorted(worlds) if tick > 0]
                 missing += outcome.result.features_missing

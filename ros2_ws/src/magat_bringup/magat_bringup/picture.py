@@ -43,7 +43,7 @@ def save_picture(
 
     Args:
         record: the episode.
-        path: file to write: PNG, SVG or PDF, by the end of its name.
+        path: file to write: SVG or PDF by the end of its name, else PNG.
         links_at: instant, 0 to T, whose communication links are drawn; the one with most links if None.
         attention: at that instant; links are then as wide as it.
 
@@ -87,7 +87,9 @@ def save_picture(
     title.set_parse_math(False)
     figure.text(x, (top + 0.18) / sheet[1], record.outcome, fontsize=9, color=tint(INK, 0.75))
     with rc_context({"svg.hashsalt": "magat"}):  # the same picture is the same file
-        figure.savefig(path, dpi=200, metadata={"Date": None} if path.suffix == ".svg" else None)
+        figure.savefig(
+            path, format=path.suffix[1:] or "png", dpi=200, metadata={"Date": None} if path.suffix == ".svg" else None
+        )
 
 
 def _draw_map(board: Axes, record: EpisodeRecord, cell: float) -> None:

@@ -9,6 +9,7 @@ import { Episode } from "./team.js";
 
 const $ = (id) => document.getElementById(id);
 const PANEL_PERIOD = 100; // milliseconds between two changes of texts
+const MOST_OUTDATED = 30; // ticks
 
 // What the address asks for: #robot=NAME&tick=N&episode=N&theme=dark
 const asked = new URLSearchParams(location.hash.slice(1));
@@ -215,18 +216,12 @@ function showPanels() {
   $("clock").textContent = `tick ${frame.tick} / ${frames.at(-1).tick} (T_max ${episode.tMax})`;
 }
 
-// What is known of the chosen robot at the tick that is shown. Of a running team not every tick is: then the last one.
+// What is known of the chosen robot at the tick that is shown; while ticks go by, not of each: then the last that is.
 function findDetail() {
   if (chosen === null || !player.episode) return null;
-  const { episode, tick } = player;
-  const exact = episode.detail(chosen, tick);
-  if (exact || !(player.following || player.playing)) return exact || null;
-  return shownDetail && shownDetail.robot === chosen && Math.abs(shownDetail.tick - tick) < 20 ? shownDetail : latest(tick);
-}
-
-function latest(tick) {
-  for (let back = 1; back < 20; back++) {
-    const detail = player.episode.detail(chosen, tick - back);
+  const oldest = player.playing ? player.tick - MOST_OUTDATED : player.tick;
+  for (let tick = player.tick; tick >= oldest; tick--) {
+    const detail = player.episode.detail(chosen, tick);
     if (detail) return detail;
   }
   return null;

@@ -33,6 +33,7 @@ def test_of_a_team_that_runs_there_is_none(capfd, tmp_path):
 
 
 @pytest.mark.system
+@pytest.mark.faults
 def test_a_replay_is_watched_as_if_it_were_live(simulate, small_policy):
     made = simulate(small_policy(), episodes=1)
     with own_domain() as domain:

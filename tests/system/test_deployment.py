@@ -124,10 +124,8 @@ def test_one_refuses_and_nobody_switches(start_team, policy_folder, other, talka
         assert all_carry(team, other)
 
 
-STATES = ["PREPARING", pytest.param("SWITCHING", marks=pytest.mark.faults)]
-
-
-@pytest.mark.parametrize("state", STATES)
+@pytest.mark.faults
+@pytest.mark.parametrize("state", ["PREPARING", "SWITCHING"])
 def test_one_is_killed_in_the_middle_and_started_again_and_carries_what_the_others_do(start_team, other, state):
     with start_team(10) as team:
         deployer, victims = Deployer(team), sorted(team.processes.pids("robots"))

@@ -101,6 +101,7 @@ def test_robots_killed_in_mid_episode_are_started_again_and_take_part(start_team
         np.testing.assert_array_equal(again.recording.positions, clean.recording.positions)
 
 
+@pytest.mark.faults
 def test_the_simulator_is_killed_and_the_episode_is_run_from_its_begin(start_team):
     with start_team(4) as team:
         goal = team.goal(CASE)
@@ -128,7 +129,8 @@ def test_all_robots_are_killed_with_the_process_that_they_come_from(start_team):
         np.testing.assert_array_equal(again.recording.positions, clean.recording.positions)
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, pytest.param(signal.SIGSTOP, marks=pytest.mark.faults)])
+@pytest.mark.faults
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
 def test_the_expert_that_does_not_answer_is_asked_again(start_team, number):
     with start_team(2, parameters={"simulator": {"expert_time_limit": 0.5}}) as team:
         clean = until_undisturbed(team, team.goal(CASE))

@@ -52,6 +52,7 @@ def test_a_robot_killed_in_mid_episode_stays_in_the_world_and_nobody_runs_into_i
             team.client.run(team.goal(CASE), lambda _: None)
 
 
+@pytest.mark.faults
 def test_a_stopped_and_continued_robot_takes_part_again(start_team):
     with start_team(4) as team:
         stopped = []
@@ -83,8 +84,15 @@ def test_a_policy_that_is_damaged_is_named_and_nothing_is_left(tmp_path, policy_
     assert _team_processes(tmp_path) == []
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 @pytest.mark.parametrize("moment", ["starting", "running"])
+@pytest.mark.parametrize(
+    "number",
+    [
+        pytest.param(signal.SIGINT, marks=pytest.mark.faults),
+        signal.SIGTERM,
+        pytest.param(signal.SIGKILL, marks=pytest.mark.faults),
+    ],
+)
 def test_no_process_is_left_behind(tmp_path, number, moment):
     magat = _magat("run", "--robots", "3", "--episodes", "500", "--output", str(tmp_path / "out"))
     logs = tmp_path / "out" / "logs"

@@ -57,7 +57,7 @@ def said_by(process: subprocess.Popen[str], timeout: float = 60) -> str:
     return output
 
 
-@pytest.fixture(scope="module", params=["direct", "relayed"])
+@pytest.fixture(scope="module", params=["direct", pytest.param("relayed", marks=pytest.mark.faults)])
 def run(request, tmp_path_factory) -> Path:
     """The output folder of a run of twenty robots that was recorded and looked at."""
     folder = tmp_path_factory.mktemp(request.param)

@@ -233,8 +233,11 @@ def test_a_hello_is_answered_in_the_name_that_it_asks(node):
 @pytest.mark.parametrize(
     ("options", "topics"),
     [
-        ({"namespace": "/hall/a"}, {"/hall/feature", "/hall/preference", "/hall/robot_status", "/hall/a/observation"}),
-        ({"namespace": "/a"}, {"/feature", "/preference", "/robot_status", "/a/observation"}),
+        (
+            {"namespace": "/hall/a"},
+            {"/hall/feature", "/hall/preference", "/hall/robot_status", "/hall/deployment", "/hall/a/observation"},
+        ),
+        ({"namespace": "/a"}, {"/feature", "/preference", "/robot_status", "/deployment", "/a/observation"}),
     ],
     ids=["in a namespace", "at the root"],
 )

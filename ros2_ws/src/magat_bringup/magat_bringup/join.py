@@ -11,7 +11,7 @@ from magat_bringup.processes import TeamError
 from magat_bringup.recorder import RecorderNode
 from magat_bringup.visitor import Visitor
 from magat_interfaces.msg import FeatureBundle, Observation, World
-from magat_node.run import run_node
+from magat_node.run import give_way, run_node
 
 #: How long to look for a team, seconds.
 PATIENCE = 30.0
@@ -36,6 +36,7 @@ def record(folder: Path, namespace: str | None, console: Console) -> int:
     Raises:
         TeamError: there is no team, or more than one and no ``namespace``.
     """
+    give_way()
     with console.status("looking for a team"):
         team = find_team(namespace)
     with console.status("") as status:

@@ -17,7 +17,7 @@ from magat_bringup.topics import READY, described, team_topics
 from magat_interfaces.msg import Observation, RobotStatus
 from magat_node import qos
 from magat_node.parameters import declare_choice, declare_value
-from magat_node.run import run_node
+from magat_node.run import give_way, run_node
 
 #: Seconds between two looks at what has come, and between two times that it is handed to the operating system.
 PERIOD, FLUSH = 0.02, 0.25
@@ -104,6 +104,7 @@ class RecorderNode(Node):
 
 def main(args: list[str] | None = None) -> int:
     """Record until told to end. Returns the exit status."""
+    give_way()
     return run_node("recorder", RecorderNode, args)
 
 

@@ -1,6 +1,5 @@
 """``magat view``, and the process ``viewer`` of a team: the page that shows it, live or recorded."""
 
-import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,15 +14,13 @@ from rich.console import Console
 from magat_bringup import interruption
 from magat_bringup.join import find_team
 from magat_node.parameters import declare_value
+from magat_node.run import give_way
 from magat_viewer.address import HOST, ServerError
 from magat_viewer.node import LiveTeam
 from magat_viewer.server import PageServer
 
 if TYPE_CHECKING:
     from magat_bringup.recorded import RecordedTeam
-
-#: Where processors are busy, the team goes before who looks at it.
-_NICENESS = 10
 
 
 def view_bag(bag: Path, policy: str | None, host: str, port: int | None, at: str, console: Console) -> None:
@@ -90,7 +87,7 @@ def view_team(namespace: str | None, host: str, port: int | None, console: Conso
         ServerError: the page cannot be served.
         KeyboardInterrupt: interrupted.
     """
-    os.nice(_NICENESS)
+    give_way()
     with console.status("looking for a team"):
         found = find_team(namespace)
     context = rclpy.Context()
@@ -135,7 +132,7 @@ def _wait(page: PageServer, console: Console, at: str = "") -> NoReturn:
 
 def main(args: list[str] | None = None) -> int:
     """Show the team of this namespace until told to end. Returns the exit status."""
-    os.nice(_NICENESS)
+    give_way()
     interruption.watch()
     with interruption.deferred():
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)

@@ -1,5 +1,6 @@
 """Running a node until it is told to end."""
 
+import os
 import signal
 import threading
 from collections.abc import Callable
@@ -12,6 +13,8 @@ from rclpy.signals import SignalHandlerOptions
 
 #: How long a node may take to notice that it should end, seconds.
 REACTION = 0.2
+#: Of a process that only listens.
+NICENESS = 10
 _told_to_end = threading.Event()
 
 
@@ -45,6 +48,14 @@ def run_node(name: str, create: Callable[[], Node], args: list[str] | None = Non
         return 0
     finally:
         rclpy.try_shutdown()
+
+
+def give_way() -> None:
+    """Let the team go first where processors are busy; for who only listens to it, before its node is made.
+
+    What comes meanwhile waits in the receive buffer.
+    """
+    os.nice(NICENESS)
 
 
 def _end(_: int, __: FrameType | None) -> None:

@@ -106,7 +106,7 @@ def test_so_do_ten_that_hear_each_other_through_the_simulator(relayed_team, batc
     assert_same(outcome, batched(policy_folder)[index], feature_bytes=548)
 
 
-@pytest.mark.parametrize("radio", ["direct", "relayed"])
+@pytest.mark.parametrize("radio", ["direct", pytest.param("relayed", marks=pytest.mark.faults)])
 def test_so_do_robots_that_miss_a_third_of_what_is_said(start_team, batched, policy_folder, radio):
     rules = Rules(link_loss=0.3)
     walks = batched(policy_folder, rules=rules)
@@ -158,6 +158,7 @@ def test_so_do_robots_that_share_a_process(start_team, batched, policy_folder, r
         assert (status.messages_dropped, status.last_drop) == (0, "")
 
 
+@pytest.mark.faults
 def test_so_do_crews_whose_messages_travel_several_hops_and_one_that_dies_takes_nobody_with_it(
     start_team, batched, random_network, tmp_path
 ):

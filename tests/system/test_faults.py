@@ -261,7 +261,8 @@ def test_lost_features_are_counted_and_the_rest_is_used(start_team, share, radio
         assert silent < 0.1 * 6 * ticks, "a lost feature costs quality, never the step"
 
 
-@pytest.mark.parametrize("share", [0.2, pytest.param(0.5, marks=pytest.mark.faults)])
+@pytest.mark.faults
+@pytest.mark.parametrize("share", [0.2, 0.5])
 def test_damaged_features_are_as_good_as_lost(start_team, share):
     with start_team(5, faults={"feature": {"damaged": share}}, parameters=HASTE) as team:
         outcome = team.run(team.goal(CASE, width=12, height=12))
@@ -271,8 +272,9 @@ def test_damaged_features_are_as_good_as_lost(start_team, share):
         assert all(status.messages_dropped > 0 for status in team.statuses().values()), why
 
 
-@pytest.mark.parametrize("radio", ["direct", pytest.param("relayed", marks=pytest.mark.faults)])
-@pytest.mark.parametrize("share", [0.2, pytest.param(0.5, marks=pytest.mark.faults)])
+@pytest.mark.faults
+@pytest.mark.parametrize("radio", ["direct", "relayed"])
+@pytest.mark.parametrize("share", [0.2, 0.5])
 def test_whatever_is_lost_the_episode_ends_and_says_so(start_team, share, radio):
     """On every topic of the tick, both ways."""
     topics = ("observation", "feature", "heard", "preference")

@@ -184,6 +184,7 @@ def test_of_a_recorder_that_is_killed_all_but_the_last_second_is_there(start_tea
         assert reader.message_count == saved.messages
 
 
+@pytest.mark.faults
 def test_the_recorder_writes_over_nothing_and_says_nothing_to_the_team(start_team, tmp_path):
     (tmp_path / "bag").mkdir()
     with pytest.raises(TeamError, match="is there already: remove it"), start_team(2, record=tmp_path / "bag") as team:
@@ -199,6 +200,7 @@ def test_the_recorder_writes_over_nothing_and_says_nothing_to_the_team(start_tea
         assert spoken <= {"/recorder/ready", "/rosout", "/parameter_events"}
 
 
+@pytest.mark.faults
 def test_a_running_team_is_joined_and_what_it_does_from_then_on_is_recorded(start_team, tmp_path):
     bag = tmp_path / "bag"
     with start_team(3) as team:
@@ -219,6 +221,7 @@ def test_a_running_team_is_joined_and_what_it_does_from_then_on_is_recorded(star
     assert len(recording.lost[recording.lost.episode == recording.episodes.episode.max()]) == 0
 
 
+@pytest.mark.faults
 @pytest.mark.parametrize("run", ["direct"], indirect=True)
 def test_the_world_is_shown_again_faster_and_a_view_draws_it(run):
     worlds, maps = [], []

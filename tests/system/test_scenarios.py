@@ -18,6 +18,7 @@ from magat_training.evaluate import evaluate
 pytestmark = pytest.mark.system
 
 
+@pytest.mark.faults
 def test_a_team_walks_the_cases_of_the_files_as_the_batched_simulator_does(tmp_path: Path) -> None:
     cases = [draw_case(3, 0, 12, 9, robots, 0.15) for robots in (6, 7)]
     for case in cases:

@@ -75,7 +75,7 @@ class LiveTeam:
         self._world = self._listen(World, "world", qos.reliable(_DEPTH))
         self._status = self._listen(RobotStatus, "robot_status", qos.reliable(_SHARED_DEPTH))
         self._talk: list[Subscription] = []
-        self._ears: dict[int, _Ear] = {}
+        self._ears: dict[str, _Ear] = {}
         self._said: deque[bytes] = deque()
         self._wished: deque[bytes] = deque()
         self._worlds: deque[World] = deque(maxlen=_TICKS)
@@ -97,13 +97,14 @@ class LiveTeam:
     def poll(self, chosen: Collection[int]) -> None:
         """Take what has come."""
         now = time.monotonic()
+        # Worlds first: what led to one has come before it.
         for world in _taken(self._world, World):
             self._step(world)
         for status in _taken(self._status, RobotStatus):
             self._health.reported(status, now)
         if self._episode is not None:
-            self._choose(self._episode, {robot for robot in chosen if robot < len(self._episode.robots)})
-        # Observations last: what is kept of the rest is of their ticks and the ones before.
+            robots = self._episode.robots
+            self._choose(robots, {robots[number] for number in chosen if number < len(robots)})
         for subscription, kept in zip(self._talk, (self._wished, self._said), strict=False):
             kept.extend(_raw(subscription))
         for ear in self._ears.values():
@@ -138,8 +139,8 @@ class LiveTeam:
 
     def detail(self, episode: int, tick: int, robot: int) -> dict[str, Any] | None:
         """Of the newest tick that is over and was heard; None before one is."""
-        ear, state = self._ears.get(robot), self._episode
-        if ear is None or state is None:
+        state = self._episode
+        if state is None or robot >= len(state.robots) or (ear := self._ears.get(state.robots[robot])) is None:
             return None
         worlds = {world.tick: world for world in self._worlds}
         for told in reversed(ear.observations):
@@ -167,21 +168,20 @@ class LiveTeam:
         if self._episode.ended:
             self._results = [*self._results[:-1], self._episode.result()]
 
-    def _choose(self, episode: EpisodeState, chosen: set[int]) -> None:
-        """Listen to what these robots are told, and, as long as there are any, to what all say."""
-        status = self._health.status_of(episode.robots[0])
+    def _choose(self, robots: list[str], chosen: set[str]) -> None:
+        """Listen to what those of ``robots`` are told, and, as long as there are any, to what all say."""
+        status = self._health.status_of(robots[0])
         relayed = status is not None and status.radio == "relayed"
-        for robot in self._ears.keys() - chosen:
-            for subscription in self._ears.pop(robot).subscriptions:
+        for name in self._ears.keys() - chosen:
+            for subscription in self._ears.pop(name).subscriptions:
                 self.node.destroy_subscription(subscription)
-        for robot in chosen - self._ears.keys():
-            name = episode.robots[robot]
+        for name in chosen - self._ears.keys():
             subscriptions = [self._listen(Observation, f"{name}/observation", qos.newest(_DEPTH))]
             if relayed:
                 subscriptions.append(self._listen(FeatureBundle, f"{name}/heard", qos.newest(_DEPTH)))
-            self._ears[robot] = _Ear(subscriptions)
+            self._ears[name] = _Ear(subscriptions)
         if chosen and not self._talk:
-            most = _TICKS * len(episode.robots)
+            most = _TICKS * len(robots)
             self._wished, self._said = deque(maxlen=most), deque(maxlen=most)
             self._talk = [self._listen(Preference, "preference", qos.newest(_SHARED_DEPTH))]
             if not relayed:

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import rclpy
 
+from magat_bringup.client import EpisodeOutcome
 from magat_bringup.view import live_page
 from magat_sim.radio import neighbours
 from magat_training.cases import SPLITS
@@ -92,6 +93,16 @@ def test_it_shows_the_world_and_the_inside_of_the_chosen_robot(watched):
     assert spoken <= {"/rosout", "/parameter_events"}
 
 
+def run_until_shown(team, follower: Follower) -> EpisodeOutcome:
+    """Runs episodes until one is shown: a page that has just started hears the simulator a little later."""
+    seen, deadline = follower.counts["frames"], time.monotonic() + 30
+    while True:
+        assert time.monotonic() < deadline, "no episode is shown"
+        outcome = team.run(team.goal(CASE))
+        if team.client.spin(lambda: follower.counts["frames"] > seen, 1.0):
+            return outcome
+
+
 def shown_tick(follower: Follower) -> int:
     frame = follower.last.get("frames")
     return -1 if frame is None else struct.unpack_from("<I", frame, len(frame) - (32 + 52) + 4)[0]
@@ -103,9 +114,7 @@ def test_the_page_is_a_process_of_the_team_and_is_started_again(start_team):
     with start_team(2, view=port) as team, Follower(f"http://{HOST}:{port}/") as follower:
         for times in (1, 2):
             assert team.client.spin(lambda times=times: follower.counts["team"] == times, 60.0)
-            seen = follower.counts["frames"]
-            outcome = team.run(team.goal(CASE))
-            assert team.client.spin(lambda seen=seen: follower.counts["frames"] > seen, 20.0)
+            outcome = run_until_shown(team, follower)
             assert follower.last["scene"]["robots"] == outcome.recording.robots
             if times == 1:
                 os.kill(team.processes.pids("viewer")[0], signal.SIGKILL)
@@ -127,8 +136,7 @@ def test_a_team_that_runs_is_joined(team):
         [url] = re.findall(r"http://\S+", said)
         with Follower(url) as follower:
             assert team.client.spin(lambda: follower.counts["team"] > 0, 20.0)
-            team.run(team.goal(CASE))
-            assert team.client.spin(lambda: follower.counts["frames"] > 0, 20.0)
+            run_until_shown(team, follower)
         view.send_signal(signal.SIGINT)
         assert view.wait(20) == 130
     finally:

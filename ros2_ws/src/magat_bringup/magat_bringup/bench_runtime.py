@@ -161,9 +161,15 @@ def bench_runtime(
 
 
 def summary(results: Iterable[tuple[Setting, Speed]], inferences: Mapping[str, float]) -> str:
-    """What a tick costs besides the messages, in sentences: ``inferences`` are a robot's milliseconds by backend."""
+    """What a tick costs besides the messages, in sentences, by the medians of what was measured several times.
+
+    Args:
+        results: of settings, one or more of each.
+        inferences: milliseconds of one robot, by backend.
+    """
     lines = [f"One robot's inference: {', '.join(f'{b} {ms:.2f} ms' for b, ms in inferences.items())}."]
-    p50 = {setting: speed.p50 for setting, speed in results}
+    results = list(results)
+    p50 = _medians((setting, speed.p50) for setting, speed in results)
     for setting, median in p50.items():
         echo = p50.get(replace(setting, backend="echo"))
         if setting.backend in inferences and echo is not None and not (setting.recorded or setting.viewed):
@@ -172,7 +178,7 @@ def summary(results: Iterable[tuple[Setting, Speed]], inferences: Mapping[str, f
                 f"{setting.processes} x {setting.crew}, {setting.radio}, {setting.backend}: p50 {median:.1f} ms, "
                 f"{median / bare:.1f} times echo robots' {echo:.1f} ms and one inference"
             )
-    speeds = {setting: speed.ticks_per_second for setting, speed in results}
+    speeds = _medians((setting, speed.ticks_per_second) for setting, speed in results)
     for setting, speed in speeds.items():
         alone = speeds.get(replace(setting, recorded=False, viewed=False))
         if (setting.recorded or setting.viewed) and alone is not None:
@@ -182,6 +188,13 @@ def summary(results: Iterable[tuple[Setting, Speed]], inferences: Mapping[str, f
                 f"{how}, {alone:.0f} not: {speed / alone - 1:+.1%}"
             )
     return "\n".join(lines)
+
+
+def _medians(values: Iterable[tuple[Setting, float]]) -> dict[Setting, float]:
+    of: dict[Setting, list[float]] = {}
+    for setting, value in values:
+        of.setdefault(setting, []).append(value)
+    return {setting: float(np.median(several)) for setting, several in of.items()}
 
 
 def table(results: Iterable[tuple[Setting, Speed]]) -> Table:

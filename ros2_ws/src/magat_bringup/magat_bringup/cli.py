@@ -308,6 +308,7 @@ def _parser() -> argparse.ArgumentParser:
         "--backends", choices=BACKENDS, nargs="+", default=list(BACKENDS), help="what computes (default: each in turn)"
     )
     runtime.add_argument("--ticks", type=_positive, default=100, help="of each team, at least")
+    runtime.add_argument("--repeat", type=_positive, default=1, help="measure all so many times, and compare medians")
 
     bench_view = commands.add_parser("bench-view", help="how smoothly the page draws, and what its server takes")
     bench_view.set_defaults(execute=execution.bench_view_command)

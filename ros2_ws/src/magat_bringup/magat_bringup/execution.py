@@ -172,6 +172,7 @@ def bench_runtime_command(options: argparse.Namespace, console: Console) -> int:
     _exported(options.policy, console)
     settings = [
         Setting(processes, crew, radio, backend, recorded, viewed)
+        for _ in range(options.repeat)  # in turns: the machine changes with time
         for processes, crew in options.teams
         for radio in options.radios
         for backend in options.backends

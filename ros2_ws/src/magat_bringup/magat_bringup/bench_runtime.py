@@ -161,7 +161,7 @@ def bench_runtime(
 
 
 def summary(results: Iterable[tuple[Setting, Speed]], inferences: Mapping[str, float]) -> str:
-    """What a tick costs besides the messages, in sentences, by the medians of what was measured several times.
+    """What a tick costs besides the messages, in sentences, by medians of what was measured several times.
 
     Args:
         results: of settings, one or more of each.
@@ -169,7 +169,7 @@ def summary(results: Iterable[tuple[Setting, Speed]], inferences: Mapping[str, f
     """
     lines = [f"One robot's inference: {', '.join(f'{b} {ms:.2f} ms' for b, ms in inferences.items())}."]
     results = list(results)
-    p50 = _medians((setting, speed.p50) for setting, speed in results)
+    p50 = {setting: float(np.median(several)) for setting, several in _by_setting(results, "p50").items()}
     for setting, median in p50.items():
         echo = p50.get(replace(setting, backend="echo"))
         if setting.backend in inferences and echo is not None and not (setting.recorded or setting.viewed):
@@ -178,23 +178,27 @@ def summary(results: Iterable[tuple[Setting, Speed]], inferences: Mapping[str, f
                 f"{setting.processes} x {setting.crew}, {setting.radio}, {setting.backend}: p50 {median:.1f} ms, "
                 f"{median / bare:.1f} times echo robots' {echo:.1f} ms and one inference"
             )
-    speeds = _medians((setting, speed.ticks_per_second) for setting, speed in results)
-    for setting, speed in speeds.items():
+    speeds = _by_setting(results, "ticks_per_second")
+    for setting, several in speeds.items():
         alone = speeds.get(replace(setting, recorded=False, viewed=False))
         if (setting.recorded or setting.viewed) and alone is not None:
             how = "recorded" if setting.recorded else "viewed"
+            # By turns, because the machine changes from one to the next.
+            changes = np.array(several) / np.array(alone) - 1
             lines.append(
-                f"{setting.processes} x {setting.crew}, {setting.radio}, {setting.backend}: {speed:.0f} ticks/s "
-                f"{how}, {alone:.0f} not: {speed / alone - 1:+.1%}"
+                f"{setting.processes} x {setting.crew}, {setting.radio}, {setting.backend}: {np.median(several):.0f} "
+                f"ticks/s {how}, {np.median(alone):.0f} not: {np.median(changes):+.1%}"
+                + (f" ({changes.min():+.1%} to {changes.max():+.1%})" if len(changes) > 1 else "")
             )
     return "\n".join(lines)
 
 
-def _medians(values: Iterable[tuple[Setting, float]]) -> dict[Setting, float]:
-    of: dict[Setting, list[float]] = {}
-    for setting, value in values:
-        of.setdefault(setting, []).append(value)
-    return {setting: float(np.median(several)) for setting, several in of.items()}
+def _by_setting(results: Iterable[tuple[Setting, Speed]], name: str) -> dict[Setting, list[float]]:
+    """The values of a `Speed`'s ``name`` by setting, in the order in which they were measured."""
+    values: dict[Setting, list[float]] = {}
+    for setting, speed in results:
+        values.setdefault(setting, []).append(getattr(speed, name))
+    return values
 
 
 def table(results: Iterable[tuple[Setting, Speed]]) -> Table:

@@ -60,7 +60,8 @@ _HEAD = """# Results
 
 This page, its pictures and its tables are written by `make results` (`magat results`), which measures what is not yet
 in the files beside them, or was of other weights. Cases are the first of the test split (seed 2021, from number
-25500), which no policy was trained or chosen on; the shield is idle where nothing else is said, and each policy samples
+25500), which no policy was trained or chosen on (but the two numbers of the shield pibt-memory were, on cases 25506 and
+25526 of 50x50 with 100 robots); the shield is idle where nothing else is said, and each policy samples
 at its own temperature. Intervals are of 95 % (Wilson for rates). For one point alone there is `magat evaluate`."""
 
 

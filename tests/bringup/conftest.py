@@ -1,4 +1,4 @@
-"""Recordings of teams whose every message is known, because they are simulated here."""
+"""Policies, and recordings whose every message is known, because they are simulated here."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -15,6 +15,7 @@ from magat_interfaces.msg import Feature, FeatureBundle, Observation, Preference
 from magat_robot.policy import payload
 from magat_robot.policy.config import ENCODINGS
 from magat_robot.policy.policy import Policy
+from magat_robot.policy.store import save
 from magat_sim.episode import episode_streams
 from magat_sim.measures import EpisodeMeasures, Flowtime
 from magat_sim.ticks import Episode, Wish
@@ -35,6 +36,15 @@ class Simulated:
     #: By episode: how many features were sent and not heard.
     missing: list[int]
     names: tuple[str, ...] = tuple(NAMES)
+
+
+@pytest.fixture
+def policies(tmp_path: Path, random_network: Callable) -> dict[str, Path]:
+    """Two policies."""
+    folders = {name: tmp_path / "models" / name for name in ("first", "second")}
+    for seed, folder in enumerate(folders.values()):
+        save(random_network("MAGAT-F-16", seed=seed), folder, "# card\n")
+    return folders
 
 
 @pytest.fixture(scope="session")

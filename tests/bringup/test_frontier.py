@@ -25,15 +25,6 @@ SIZE = {"width": 8, "height": 8, "robots": 3, "density": 0.1}
 QUIET = Console(quiet=True)
 
 
-@pytest.fixture
-def policies(tmp_path: Path, random_network: Callable) -> dict[str, Path]:
-    """Two policies."""
-    folders = {name: tmp_path / "models" / name for name in ("first", "second")}
-    for seed, folder in enumerate(folders.values()):
-        save(random_network("MAGAT-F-16", seed=seed), folder, "# card\n")
-    return folders
-
-
 def point(temperature: float, alpha: float, delta_ft: float, **changes: Any) -> dict[str, Any]:
     return {
         "temperature": temperature, "alpha": alpha, "alpha_interval": (alpha - 0.1, min(1.0, alpha + 0.02)),

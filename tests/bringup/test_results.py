@@ -26,15 +26,6 @@ SMALL = StandardSet(8, 3, 4)
 
 
 @pytest.fixture
-def policies(tmp_path: Path, random_network: Callable) -> dict[str, Path]:
-    """Two policies."""
-    folders = {name: tmp_path / "models" / name for name in ("first", "second")}
-    for seed, folder in enumerate(folders.values()):
-        save(random_network("MAGAT-F-16", seed=seed), folder, "# card\n")
-    return folders
-
-
-@pytest.fixture
 def counted(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     """The policies that were really measured, one after the other."""
     asked: list[Path] = []

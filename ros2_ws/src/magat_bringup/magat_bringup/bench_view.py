@@ -23,7 +23,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from magat_bringup.environment import loopback, own_domain
-from magat_bringup.processes import TeamProcesses
+from magat_bringup.processes import TeamError, TeamProcesses
 from magat_bringup.team import Command, TeamFile, TeamPlan
 from magat_interfaces.msg import World
 from magat_node import qos
@@ -37,6 +37,8 @@ from magat_viewer.browser import chromium, until
 
 #: Ticks of an episode, after which the next one begins.
 _TICKS = 300
+#: How long the page may take to listen, seconds.
+PATIENCE = 60.0
 #: Seconds in which the page comes to rest after it has opened.
 _WARM_UP = 3.0
 
@@ -120,12 +122,14 @@ def _load(processes: list[psutil.Process], seconds: float, others: list[psutil.P
 
 
 def _wait_for(port: int, team: TeamProcesses) -> None:
-    while True:
+    deadline = time.monotonic() + PATIENCE
+    while time.monotonic() < deadline:
         team.check()
         with socket.socket() as probe:
             if probe.connect_ex((HOST, port)) == 0:
                 return
         time.sleep(0.1)
+    raise TeamError(f"the page does not listen after {PATIENCE:g} s")
 
 
 @contextmanager

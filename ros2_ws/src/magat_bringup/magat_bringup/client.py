@@ -1,23 +1,16 @@
 """The client of the RunEpisode action: asks for episodes, follows them, and records the world as it goes by."""
 
-import time
 from collections.abc import Callable
-from contextlib import ExitStack
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Self
 
-import rclpy
 from rclpy.action import ActionClient
-from rclpy.experimental import EventsExecutor
-from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from std_msgs.msg import Empty
 
-from magat_bringup import interruption
 from magat_bringup.processes import TeamError, TeamProcesses
 from magat_bringup.recording import Recording
 from magat_bringup.topics import READY
+from magat_bringup.visitor import Visitor
 from magat_interfaces.action import RunEpisode
 from magat_interfaces.msg import World
 from magat_node import qos
@@ -41,19 +34,13 @@ class EpisodeOutcome:
     recording: Recording
 
 
-class EpisodeClient:
+class EpisodeClient(Visitor):
     """Runs episodes on a team, in a ``with`` statement; Ctrl-C and SIGTERM raise KeyboardInterrupt while it waits."""
 
     def __init__(self, team: TeamProcesses, domain: int) -> None:
         """Join ROS domain ``domain``; ``team`` is watched while waiting."""
+        super().__init__("episode_client", domain=domain)
         self._team = team
-        self._deferred = ExitStack()
-        self._deferred.enter_context(interruption.deferred())
-        self._context = rclpy.Context()
-        rclpy.init(args=[], context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
-        self.node = rclpy.create_node("episode_client", context=self._context)
-        self._executor = EventsExecutor(context=self._context)
-        self._executor.add_node(self.node)
         self._action = ActionClient(self.node, RunEpisode, "run_episode")
         self._recording = Recording()
         self.node.create_subscription(World, "world", self._on_world, qos.reliable(1000))
@@ -122,28 +109,10 @@ class EpisodeClient:
         ended = handle.get_result_async()
         return ended.result().result if come(ended, float("inf")) else None
 
-    def spin(self, until: Callable[[], bool], timeout: float = float("inf")) -> bool:
-        """Work until a condition holds; False if it does not in time.
+    def watch(self) -> None:
+        """See to the team.
 
         Raises:
             TeamError: a process of the team ended.
         """
-        deadline = time.monotonic() + timeout
-        while not until():
-            interruption.check()
-            if time.monotonic() > deadline:
-                return False
-            self._team.check()
-            self._executor.spin_once(timeout_sec=0.1)
-        return True
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._deferred.close()
-        self._executor.remove_node(self.node)
-        self.node.destroy_node()
-        self._context.try_shutdown()
+        self._team.check()

@@ -14,14 +14,14 @@ from magat_bringup import interruption
 
 
 class Visitor:
-    """In a ``with`` statement: a ``node`` of its own, in the environment's ROS domain, that works only in `spin`."""
+    """In a ``with`` statement: a ``node`` of its own that works only in `spin`."""
 
-    def __init__(self, name: str, namespace: str = "/") -> None:
-        """Make the node ``name`` in ``namespace``."""
+    def __init__(self, name: str, namespace: str = "/", domain: int | None = None) -> None:
+        """Make the node ``name`` in ``namespace``, in ROS domain ``domain`` or, if that is None, the environment's."""
         self._deferred = ExitStack()
         self._deferred.enter_context(interruption.deferred())
         self._context = rclpy.Context()
-        rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=[], context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
         self.node = rclpy.create_node(name, context=self._context, namespace=namespace)
         self._executor = EventsExecutor(context=self._context)
         self._executor.add_node(self.node)
@@ -35,10 +35,14 @@ class Visitor:
         deadline = time.monotonic() + timeout
         while not until():
             interruption.check()
+            self.watch()
             if time.monotonic() > deadline:
                 return False
             self._executor.spin_once(timeout_sec=0.1)
         return True
+
+    def watch(self) -> None:
+        """Called again and again in `spin`, to raise what should end it."""
 
     def __enter__(self) -> Self:
         return self

@@ -1,13 +1,27 @@
 """What the page shows of a recording is what is in it, and attention what the analysis finds."""
 
+import itertools
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from magat_bringup.analysis import TeamRecording
+from magat_bringup.analysis import Episode, TeamRecording
 from magat_bringup.attention import links
-from magat_bringup.recorded import RecordedTeam
+from magat_bringup.recorded import RecordedTeam, heard_in
+from magat_interfaces.msg import Preference
+from magat_viewer.detail import UNHEARD, Moment, Said, detail
+
+
+def looked_at(episode: Episode, tick: int, robot: int) -> tuple[Moment, Said]:
+    recording = episode.recording
+    return Moment(tick, recording.positions[tick], recording.goals, recording.obstacles), heard_in(episode, tick, robot)
+
+
+def answered(preference: Preference, **otherwise: object) -> Preference:
+    said = {"heard": preference.heard, "log_probabilities": preference.log_probabilities}
+    return Preference(**(said | otherwise))
 
 
 def test_all_frames_of_an_episode_are_there_once(simulate, small_policy):
@@ -77,6 +91,48 @@ def test_a_feature_that_was_not_heard_has_no_attention(simulate, small_policy):
         assert {other for other, attention in found.items() if attention} == set(rows.sender)
         without += 1 in found and found[1] is None
     assert without > 0
+
+
+@pytest.mark.parametrize(
+    ("name", "encoding"),
+    [("MAGAT-F-16", "float32"), ("MAGAT-F-16", "int8"), ("MAGAT-B-16-P2", "float16"), ("GNN-F-16", "int8")],
+)
+def test_who_heard_all_in_range_has_the_same_attention_without_a_look_at_the_features(
+    simulate, small_policy, name, encoding
+):
+    policy = small_policy(name)
+    [episode] = TeamRecording(simulate(policy, episodes=1, encoding=encoding).bag).all_episodes
+    looked = 0
+    for tick, robot in itertools.product(range(4), range(6)):
+        moment, said = looked_at(episode, tick, robot)
+        found = detail(robot, moment, said, policy)
+        assert detail(robot, moment, replace(said, payloads=None), policy) == found
+        looked += any(one["attention"] for one in found["neighbours"])
+    assert looked > 10
+
+
+def test_without_a_look_at_the_features_nothing_is_guessed(simulate, small_policy):
+    policy = small_policy()
+    [episode] = TeamRecording(simulate(policy, episodes=1).bag).all_episodes
+    chosen = next((t, r) for t in range(4) for r in range(6) if len(looked_at(episode, t, r)[1].payloads) > 1)
+    moment, said = looked_at(episode, *chosen)
+    said = replace(said, payloads=None)
+    wish = said.preference
+    odd = np.log([0.96, 0.01, 0.01, 0.01, 0.01]).astype(np.float32)
+    for case, carried in (
+        (replace(said, preference=answered(wish, heard=wish.heard - 1)), policy),  # one was lost: nobody knows which
+        (
+            replace(said, preference=answered(wish, log_probabilities=odd)),
+            policy,
+        ),  # it did not want what it should have
+        (replace(said, audible=said.audible - 1), policy),  # the simulator lost one
+        (said, small_policy(seed=1)),
+    ):
+        found = detail(chosen[1], moment, case, carried)
+        assert found["why"] == UNHEARD
+        assert all(one["attention"] is None for one in found["neighbours"])
+    found = detail(chosen[1], moment, replace(said, preference=None), policy)
+    assert found["why"] == "it did not answer"
 
 
 def test_another_policys_attention_is_not_invented(simulate, small_policy):

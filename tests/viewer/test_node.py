@@ -4,6 +4,7 @@ import itertools
 import json
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,8 +12,10 @@ import pytest
 import rclpy
 
 from magat_bringup.environment import loopback, own_domain
-from magat_interfaces.msg import Observation, Preference, RobotStatus, World
+from magat_interfaces.msg import Feature, Observation, Preference, RobotStatus, World
 from magat_node import qos
+from magat_robot.policy.store import load, save
+from magat_viewer.detail import UNHEARD, Moment
 from magat_viewer.node import LiveTeam
 
 NAMES = ["alice", "bob"]
@@ -34,7 +37,8 @@ def talk() -> Iterator[SimpleNamespace]:
             patch.setenv(name, value)
         context = rclpy.Context()
         rclpy.init(args=[], context=context, domain_id=domain)
-        team = LiveTeam(context, lambda digest: None, "/")
+        folders: dict[str, Path] = {}
+        team = LiveTeam(context, folders.get, "/")
         node = rclpy.create_node("speaker", context=context)
         publishers: dict[str, object] = {}
 
@@ -53,7 +57,7 @@ def talk() -> Iterator[SimpleNamespace]:
             publisher.publish(message)
 
         try:
-            yield SimpleNamespace(team=team, say=say, until=until, node=node)
+            yield SimpleNamespace(team=team, say=say, until=until, node=node, folders=folders)
         finally:
             node.destroy_node()
             team.destroy()
@@ -141,6 +145,45 @@ def test_the_inside_of_a_robot_is_heard_while_somebody_looks(talk):
     assert found["view"][0] == "".join(map(str, told.field_of_view[:121]))
     assert talk.team.detail(0, 0, 0) is None, "nobody looks at alice"
     talk.until(lambda: talk.node.count_subscribers("bob/observation") == 0)
+
+
+def test_features_are_heard_only_if_what_a_robot_heard_does_not_follow_from_its_answer(talk, random_network, tmp_path):
+    number = next(EPISODES)
+    show(talk, world(0, episode=number))
+    talk.folders["e" * 64] = tmp_path
+    save(random_network(), tmp_path, "")
+    policy, moment = (
+        load(tmp_path),
+        Moment(0, np.array([[0, 0], [0, 1]]), np.array([[9, 0], [0, 1]]), np.zeros((2, 10))),
+    )
+    status = RobotStatus(robots=["bob"], policy="MAGAT-F-16", digest="e" * 64, radio="direct", encoding="float32")
+    talk.say("robot_status", status, qos.reliable(100), {1})
+    alice, bob = (policy.encode(moment.views([robot])) for robot in range(2))
+    decision = policy.decide(policy.hear(bob, alice.messages[None], np.ones((1, 1), bool)), np.zeros(1, np.uint64), 0)
+
+    def tick(at: int, logarithms: np.ndarray, feature: bool = False) -> None:
+        told = Observation(episode=number, tick=at, own_tag=10 + at, audible_tags=[20 + at])
+        told.field_of_view = moment.views([1]).ravel()
+        wish = Preference(episode=number, tick=at, tag=10 + at, heard=1, log_probabilities=logarithms)
+        talk.say("bob/observation", told, qos.newest(10), {1})
+        if feature:
+            said = Feature(episode=number, tick=at, tag=20 + at, payload=alice.messages.tobytes())
+            talk.say("feature", said, qos.newest(10), {1})
+        talk.say("preference", wish, qos.newest(10), {1})
+        talk.say("world", world(at + 1, episode=number, x=[0, 0]), qos.reliable(100), {1})
+
+    def attention(at: int) -> list[float] | None:
+        found = talk.team.detail(0, at, 1) or {"tick": -1}
+        return found["neighbours"][0]["attention"] if found["tick"] == at else None
+
+    tick(0, decision.log_probabilities[0])
+    talk.until(lambda: attention(0) == [1.0], {1})
+    assert talk.node.count_subscribers("feature") == 0
+    tick(1, np.log([0.96, 0.01, 0.01, 0.01, 0.01]).astype(np.float32))
+    talk.until(lambda: (talk.team.detail(0, 1, 1) or {}).get("why") == UNHEARD, {1})
+    tick(2, np.log([0.96, 0.01, 0.01, 0.01, 0.01]).astype(np.float32), feature=True)
+    talk.until(lambda: attention(2) == [1.0], {1})
+    talk.until(lambda: talk.node.count_subscribers("feature") == 0)
 
 
 def test_numbers_that_are_none_do_not_reach_browsers(talk):

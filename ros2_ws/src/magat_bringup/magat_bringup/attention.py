@@ -13,11 +13,9 @@ import pandas as pd
 from magat_bringup.analysis import Episode, TeamRecording, Tick
 from magat_bringup.bag import BagError
 from magat_robot.policy import payload
-from magat_robot.policy.config import ENCODINGS, OBSERVATION_SHAPE
+from magat_robot.policy.config import ENCODING_NAMES, OBSERVATION_SHAPE
 from magat_robot.policy.policy import Policy
 from magat_sim.grid import DELTAS, IntArray
-
-_NAMES = {number: name for name, number in ENCODINGS.items()}
 
 
 def links(recording: TeamRecording, policy: Policy | None = None) -> pd.DataFrame:
@@ -120,7 +118,7 @@ def _weights(
         for row, (_, said, robot) in enumerate(rows):
             feature = said.features.get((said.observations[robot].message.own_tag, number))
             if feature is not None:
-                encoding, there[row] = _NAMES[feature.message.encoding], True
+                encoding, there[row] = ENCODING_NAMES[feature.message.encoding], True
                 sent[row] = payload.decode(feature.message.payload, size, encoding, policy.config.largest)
         if not (payload.carried(own.messages, encoding) == sent)[there].all() and number == 0:
             raise BagError(

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from magat_bringup.analysis import Episode, TeamRecording
-from magat_robot.policy.config import OBSERVATION_SHAPE
+from magat_robot.policy.config import ENCODING_NAMES, OBSERVATION_SHAPE
 from magat_robot.policy.policy import Policy
 from magat_viewer.detail import Moment, Said, detail
 from magat_viewer.health import Health
@@ -69,7 +69,7 @@ class RecordedTeam:
         shown = self._recording.all_episodes[episode]
         if tick >= self._states[episode].tick or robot >= len(self._recording.names):
             return None
-        said = _said(shown, tick, robot)
+        said = heard_in(shown, tick, robot)
         if said is None:
             return None
         state = self._states[episode]
@@ -77,7 +77,7 @@ class RecordedTeam:
         return detail(robot, moment, said, self._policy)
 
 
-def _said(episode: Episode, tick: int, robot: int) -> Said | None:
+def heard_in(episode: Episode, tick: int, robot: int) -> Said | None:
     """What one robot was told and heard, and what it answered; None if the bag does not have it."""
     of_tick = episode.ticks[tick]
     told = of_tick.observations.get(robot)
@@ -90,6 +90,6 @@ def _said(episode: Episode, tick: int, robot: int) -> Said | None:
         np.frombuffer(told.message.field_of_view, dtype=np.uint8).reshape(OBSERVATION_SHAPE),
         len(tags),
         [bytes(feature.payload) for feature in heard],
-        heard[0].encoding if heard else 0,
+        ENCODING_NAMES.get(heard[0].encoding, "") if heard else "",
         None if wish is None else wish.message,
     )

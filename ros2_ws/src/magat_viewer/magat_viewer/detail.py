@@ -3,6 +3,8 @@
 Attention is on no topic, but it can be computed again from what was seen and heard: as a deployed policy's sums have no
 order, it is, to the last bit, what the robot computed. No message says who sent it. But what each neighbour must have
 said follows from the world, to the last bit, too, and by that each is known. Two that said the same are heard alike.
+So nobody has to listen to features, at a cost to the team, for as long as the robot says that it heard all in range,
+and wants what it should want then.
 """
 
 from collections import Counter
@@ -19,9 +21,13 @@ from magat_sim.grid import BoolArray, IntArray
 from magat_sim.radio import neighbours
 
 if TYPE_CHECKING:
+    from magat_robot.policy.interface import Encoding
     from magat_robot.policy.policy import Policy  # torch takes a second to import, and is not always needed
 
-_NAMES = {number: name for name, number in ENCODINGS.items()}
+#: Why nothing is known of a robot's attention: somebody would have to listen to the features.
+UNHEARD = "which robots it heard is being found out"
+#: Two probabilities that differ by less are the same: a `Preference` carries float32.
+_CLOSE = 1e-5
 
 
 @dataclass(frozen=True)
@@ -60,9 +66,10 @@ class Said:
     view: Uint8Array
     #: How many messages it could hear.
     audible: int
-    #: Those of the first round, as they came, and their encoding's number.
-    payloads: Sequence[bytes]
-    encoding: int
+    #: Those of the first round, as they came; None if nobody listened.
+    payloads: Sequence[bytes] | None
+    #: Of them, one of `ENCODINGS`; that of the policy if it is another word.
+    encoding: str
     #: Its `Preference`; None if it was silent.
     preference: Any = None
 
@@ -117,22 +124,37 @@ def _weights(moment: Moment, near: list[int], said: Said, policy: "Policy | str"
         return {}, f"robots with {policy.config.name} do not talk"
     if moment.obstacles is None:
         return {}, "the map is not known before the next episode begins"
-    if not near or not said.payloads:
+    if not near or not said.audible or said.payloads == []:
         return {}, ""
-    encoding, size = _NAMES.get(said.encoding, policy.config.encoding), policy.config.message_sizes[0]
+    encoding = said.encoding if said.encoding in ENCODINGS else policy.config.encoding
     spoken = policy.encode(moment.views(near)).messages
-    left = Counter(said.payloads)
-    heard = []
-    for place, other in enumerate(near):
-        data = payload.encode(spoken[place], encoding)
-        if left[data] > 0:
-            left[data] -= 1
-            heard.append((place, other))
-    if left.total():
-        return {}, f"what it heard is not what {policy.config.name} says: do the robots carry another policy?"
-    places = [place for place, _ in heard]
-    messages = payload.carried(spoken[places], encoding).reshape(1, len(heard), size)
+    if said.payloads is not None:
+        left, heard = Counter(said.payloads), []
+        for place, values in enumerate(spoken):
+            data = payload.encode(values, encoding)
+            if left[data] > 0:
+                left[data] -= 1
+                heard.append(place)
+        if left.total():
+            return {}, f"what it heard is not what {policy.config.name} says: do the robots carry another policy?"
+    elif said.preference is None:
+        return {}, "it did not answer"
+    elif said.preference.heard == said.audible == len(near):
+        heard = list(range(len(near)))
+    else:
+        return {}, UNHEARD
+    messages = payload.carried(spoken[heard], encoding)[None]
     present = np.ones((1, len(heard)), dtype=bool)
     own = policy.encode(said.view.reshape(1, *OBSERVATION_SHAPE))
+    if said.payloads is None and not _wanted(policy, policy.hear(own, messages, present), said.preference):
+        return {}, UNHEARD
     weights = policy.attention(own, messages, present)
-    return {other: weights[0, :, column].round(4).tolist() for column, (_, other) in enumerate(heard)}, ""
+    return {near[place]: weights[0, :, column].round(4).tolist() for column, place in enumerate(heard)}, ""
+
+
+def _wanted(policy: "Policy", own: "Encoding", preference: Any) -> bool:
+    """Whether a robot that knows ``own`` after the first round wants what it said; after more, nothing is known."""
+    if policy.rounds > 1:
+        return True
+    [weights] = policy.weights(own)
+    return bool(np.allclose(weights / weights.sum(), np.exp(preference.log_probabilities), atol=_CLOSE))

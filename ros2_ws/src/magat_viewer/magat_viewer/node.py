@@ -20,7 +20,7 @@ from magat_interfaces.msg import Feature, FeatureBundle, Observation, Preference
 from magat_node import cdr, qos
 from magat_robot.policy.config import OBSERVATION_SHAPE, ModelError
 from magat_sim.view import fault
-from magat_viewer.detail import Moment, Said, detail
+from magat_viewer.detail import UNHEARD, Moment, Said, detail
 from magat_viewer.health import Health
 from magat_viewer.state import EpisodeState
 
@@ -50,8 +50,8 @@ class _Ear:
 class LiveTeam:
     """The team of a namespace, a `Source`. No robot and no simulator notices whether anybody looks.
 
-    What all topics carry is heard always: worlds and statuses. What robots are told, say and want is heard only while
-    people look at one of them.
+    Worlds and statuses are heard always; what robots are told and want, only while people look at one of them; and what
+    they say, only while that is needed to know what those heard (see `magat_viewer.detail`).
     """
 
     live = True
@@ -75,6 +75,8 @@ class LiveTeam:
         self._world = self._listen(World, "world", qos.reliable(_DEPTH))
         self._status = self._listen(RobotStatus, "robot_status", qos.reliable(_SHARED_DEPTH))
         self._talk: list[Subscription] = []
+        #: Whether features have to be heard, too, to know what the chosen robots heard.
+        self._closely = False
         self._ears: dict[str, _Ear] = {}
         self._said: deque[bytes] = deque()
         self._wished: deque[bytes] = deque()
@@ -140,15 +142,17 @@ class LiveTeam:
     def detail(self, episode: int, tick: int, robot: int) -> dict[str, Any] | None:
         """Of the newest tick that is over and was heard; None before one is."""
         state = self._episode
-        if state is None or robot >= len(state.robots) or (ear := self._ears.get(state.robots[robot])) is None:
+        if state is None or robot >= len(state.robots) or (name := state.robots[robot]) not in self._ears:
             return None
         worlds = {world.tick: world for world in self._worlds}
-        for told in reversed(ear.observations):
+        for told in reversed(self._ears[name].observations):
             if told.episode == state.id and told.tick in worlds and told.tick + 1 in worlds:
                 world = worlds[told.tick]
                 positions = np.stack([world.x, world.y], axis=1).astype(np.int64)
                 moment = Moment(told.tick, positions, state.goals, state.obstacles)
-                return detail(robot, moment, self._heard(ear, told), self._policy(state.robots[robot]))
+                found = detail(robot, moment, self._heard(name, told), self._policy(name))
+                self._closely |= found["why"] == UNHEARD
+                return found
         return None
 
     # --- Topics ---
@@ -169,42 +173,48 @@ class LiveTeam:
             self._results = [*self._results[:-1], self._episode.result()]
 
     def _choose(self, robots: list[str], chosen: set[str]) -> None:
-        """Listen to what those of ``robots`` are told, and, as long as there are any, to what all say."""
+        """Listen to what those of ``robots`` are told, and, as long as there are any, to what all want (and say)."""
         status = self._health.status_of(robots[0])
         relayed = status is not None and status.radio == "relayed"
+        self._closely &= bool(chosen)
         for name in self._ears.keys() - chosen:
             for subscription in self._ears.pop(name).subscriptions:
                 self.node.destroy_subscription(subscription)
         for name in chosen - self._ears.keys():
-            subscriptions = [self._listen(Observation, f"{name}/observation", qos.newest(_DEPTH))]
-            if relayed:
-                subscriptions.append(self._listen(FeatureBundle, f"{name}/heard", qos.newest(_DEPTH)))
-            self._ears[name] = _Ear(subscriptions)
+            self._ears[name] = _Ear([self._listen(Observation, f"{name}/observation", qos.newest(_DEPTH))])
+        if self._closely and relayed:
+            for name, ear in self._ears.items():
+                if len(ear.subscriptions) == 1:
+                    ear.subscriptions.append(self._listen(FeatureBundle, f"{name}/heard", qos.newest(_DEPTH)))
         if chosen and not self._talk:
             most = _TICKS * len(robots)
             self._wished, self._said = deque(maxlen=most), deque(maxlen=most)
             self._talk = [self._listen(Preference, "preference", qos.newest(_SHARED_DEPTH))]
-            if not relayed:
-                self._talk.append(self._listen(Feature, "feature", qos.newest(_SHARED_DEPTH)))
+        elif self._closely and not relayed and len(self._talk) == 1:
+            self._talk.append(self._listen(Feature, "feature", qos.newest(_SHARED_DEPTH)))
         elif not chosen and self._talk:
             for subscription in self._talk:
                 self.node.destroy_subscription(subscription)
             self._talk = []
 
-    def _heard(self, ear: _Ear, told: Observation) -> Said:
+    def _heard(self, robot: str, told: Observation) -> Said:
         """What one robot heard in the first round of a tick, and what it answered."""
         at, audible = (told.episode, told.tick, 0), set(told.audible_tags)
-        payloads, encoding = [], 0
-        for feature in map(cdr.unpack_feature, self._said):
-            if feature is not None and feature[:3] == at and feature.tag in audible:
-                payloads.append(feature.payload)
-                encoding = feature.encoding
+        ear, status = self._ears[robot], self._health.status_of(robot)
+        by_tag = {
+            feature.tag: feature.payload
+            for feature in map(cdr.unpack_feature, self._said)
+            if feature is not None and feature[:3] == at and feature.tag in audible
+        }
+        payloads = list(by_tag.values())
         for bundle in map(cdr.unpack_bundle, ear.bundles):
             if bundle is not None and bundle[:3] == at and bundle.messages:
-                size, encoding = len(bundle.payloads) // bundle.messages, bundle.encoding
+                size = len(bundle.payloads) // bundle.messages
                 payloads = [bundle.payloads[size * i : size * (i + 1)] for i in range(bundle.messages)]
+        answer = self._answer(told)
+        all_came = answer is not None and len(payloads) >= answer.heard
         view = np.frombuffer(told.field_of_view, dtype=np.uint8).reshape(OBSERVATION_SHAPE)
-        return Said(view, len(audible), payloads, encoding, self._answer(told))
+        return Said(view, len(audible), payloads if all_came else None, status.encoding if status else "", answer)
 
     def _answer(self, told: Observation) -> Preference | None:
         """The preference under the tag of an observation; only messages that hold its bytes are made objects of."""

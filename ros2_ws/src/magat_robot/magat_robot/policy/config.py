@@ -19,6 +19,8 @@ MAX_SIZE = 4096
 MAX_ROUNDS = 16
 #: Encodings of messages, and their numbers in `magat_interfaces/msg/Feature`.
 ENCODINGS = {"float32": 0, "float16": 1, "int8": 2}
+#: The other way round.
+ENCODING_NAMES = {number: name for name, number in ENCODINGS.items()}
 
 
 class ModelError(ValueError):

@@ -13,6 +13,7 @@ from rich.console import Console
 
 from magat_bringup import cli, curves, models, points, results, studies
 from magat_bringup.evaluation import Setting, evaluate_policy
+from magat_bringup.paper import beside_paper
 from magat_bringup.points import Point, bytes_per_step, measured
 from magat_bringup.report_files import read_csv, write_csv
 from magat_bringup.sets import TEST_SETS, StandardSet
@@ -242,22 +243,44 @@ def test_a_test_set_is_of_policies_in_settings_and_of_baselines(policies: dict[s
     assert {p.cases.cases for p in studies.with_cases(built, 7).points} == {7}
 
 
-def test_the_papers_numbers_stand_beside_ours() -> None:
-    def row(**changes: object) -> tuple[str, ...]:
-        measures = {
-            "alpha": 0.5,
-            "alpha_interval": (0.4, 0.6),
-            "delta_ft": 0.1,
-            "delta_ft_half_width": 0.01,
-            "p_rg": 1.0,
-        }
-        where = {"width": 65, "height": 65, "robots": 100, "cases": 10, "policy": "MAGAT-F-128", "shield": "idle"}
-        return studies._set_rows([measures | where | changes])[1]
+def of_maps(name: str, **changes: object) -> list[dict]:
+    """Reports of all maps of a test set."""
+    places = ({"width": w.side, "height": w.side, "robots": w.robots} for w in TEST_SETS[name])
+    return [report(**(place | changes)) for place in places]
 
-    assert row()[-1] == "0.91"
-    assert row(policy="GNN-F-32")[-1] == "0.82"
-    # It has no such shield, and no other maps.
-    assert [row(shield="pibt")[-1], row(robots=60)[-1], row(policy="HCA")[-1]] == ["", "", ""]
+
+def test_the_papers_numbers_stand_beside_ours() -> None:
+    good = {"policy": "MAGAT-B-32-P4", "alpha": 1.0, "alpha_interval": (0.99, 1.0), "delta_ft": 0.03, "p_rg": 1.0}
+    worst = {"alpha": 0.5, "alpha_interval": (0.4, 0.6), "delta_ft": 0.2, "p_rg": 0.9}
+    reports = of_maps("same-density", **good) + of_maps("increasing-density", **good)
+    reports[3] |= worst  # 40x40 (40)
+    reports[13] |= worst  # 50x50 (100)
+    text = "\n".join(beside_paper(reports))
+    assert "| alpha | 50x50 (100) | MAGAT-B-32-P4 | 0.95 | 0.500 (0.400 to 0.600) |  |  |" in text
+    sixty = "| alpha | 50x50, 10 to 60 robots | MAGAT-B-32-P4 | above 0.92 (most MAGAT policies) |"
+    assert f"{sixty} 1.000 (0.990 to 1.000), 50x50 (10) |  |  |" in text
+    assert "| delta_FT | same-density | MAGAT-B-32-P4 | below 0.065 | 0.200 ± 0.010, 40x40 (40) |  |  |" in text
+    aim = "| MAGAT-B-32-P4 | 0.75 | idle | 0.500 (0.400 to 0.600), 40x40 (40) | 0.200 ± 0.010, 40x40 (40) |"
+    assert f"{aim}  |" in text, "the large set was not measured"
+    assert "p_rg" not in text
+    assert "F-32-P4" not in text.split("|", 1)[1]
+
+
+def test_what_was_not_measured_as_a_whole_is_not_told() -> None:
+    some = of_maps("large", policy="GNN-F-128", shield="pibt")[:2]
+    text = "\n".join(beside_paper(some))
+    assert "| p_rg | 100x100 (500) | GNN-F-128 | 0.986 |  | 0.9900 |  |" in text
+    assert "| p_rg | large |" not in text
+    assert beside_paper(of_maps("large", policy="mine")) == []
+
+
+def test_the_page_begins_with_the_comparison(policies: dict[str, Path], tmp_path: Path) -> None:
+    large = studies.test_set("large", {"GNN-F-128": policies["first"]}, [Setting()], [])
+    rows = of_maps("large", policy="GNN-F-128")
+    write_csv(rows, tmp_path / "large.csv")
+    page = results.results([large], [], tmp_path, QUIET).read_text()
+    assert 0 < page.index("## Beside the paper") < page.index("## Test set: large")
+    assert "| p_rg | large | GNN-F-128 | at least 0.986 | 0.9900, 100x100 (500) |  |  |" in page
 
 
 def test_a_set_is_evaluated_by_name_and_resumed(

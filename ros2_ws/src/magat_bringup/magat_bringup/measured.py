@@ -118,15 +118,18 @@ def markdown(reports: Iterable[Report], digest: str) -> str:
 
     A report of other weights has a row that says so instead of its measures.
     """
-    rows: list[tuple[str, ...]] = [
-        ("set", "cases", "T", "alpha (95 % interval)", "delta_FT", "p_rg", "alpha, strict", "delta_FT, strict"),
-        ("---",) * 8,
-    ]
+    heading = ("set", "cases", "T", "alpha (95 % interval)", "delta_FT", "p_rg", "alpha, strict", "delta_FT, strict")
+    rows: list[tuple[str, ...]] = []
     for report in reports:
         strict = (f"{report['alpha_strict']:.3f}", f"{report['delta_ft_strict']:.3f}")
         measures = (_stale_note(report), *[""] * 4) if stale(report, digest) else (*measure_cells(report), *strict)
         rows.append((set_name(report), str(report["cases"]), f"{report['temperature']:g}", *measures))
-    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+    return markdown_table(heading, rows)
+
+
+def markdown_table(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """``rows`` under ``heading``, without a line break at the end."""
+    return "\n".join(f"| {' | '.join(line)} |" for line in (heading, ["---"] * len(heading), *rows))
 
 
 def table(entries: Iterable[tuple[str, str, Report]]) -> Table:

@@ -7,8 +7,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from magat_bringup.measured import Report
+from magat_bringup.measured import Report, markdown_table
+from magat_bringup.paper import beside_paper
 from magat_bringup.points import measured, read_csv, write_csv
+from magat_bringup.sets import TEST_SETS
 from magat_bringup.studies import Study
 
 PAGE = "results.md"
@@ -32,7 +34,7 @@ def results(studies: Sequence[Study], wanted: Sequence[str], output: Path, conso
         ModelError: a policy cannot be used.
     """
     output.mkdir(parents=True, exist_ok=True)
-    parts = [_HEAD]
+    parts, of_paper = [], []
     files = [output / f"{study.name}.csv" for study in studies]
     for study, path in zip(studies, files, strict=True):
         if study.name in wanted:
@@ -48,11 +50,12 @@ def results(studies: Sequence[Study], wanted: Sequence[str], output: Path, conso
             picture.draw(reports, output / name)
             parts.append(f"![{picture.title}]({name})")
         heading, *rows = study.rows(reports)
-        lines = [heading, ("---",) * len(heading), *rows]
-        parts.append("\n".join(f"| {' | '.join(line)} |" for line in lines))
+        parts.append(markdown_table(heading, rows))
+        if study.name in TEST_SETS:
+            of_paper += reports
         parts.append(f"All measures, with the digests of the weights: [{study.name}.csv]({study.name}.csv).")
     page = output / PAGE
-    page.write_text("\n\n".join(parts) + "\n")
+    page.write_text("\n\n".join([_HEAD, *beside_paper(of_paper), *parts]) + "\n")
     return page
 
 

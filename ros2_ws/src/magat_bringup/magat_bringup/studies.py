@@ -18,17 +18,6 @@ from magat_training.baselines import BASELINES
 LOSSES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)
 #: What curves are measured on.
 CURVE_SETS = (StandardSet(20, 10, 400), StandardSet(50, 60, 200))
-#: What the paper says of alpha, by policy and set.
-PAPER: Mapping[tuple[str, str], str] = {
-    **{
-        (f"{kind}-F-{features}", "65x65 (100)"): f"{alpha:.2f}"
-        for kind, alphas in (("MAGAT", (0.91, 0.85, 0.81, 0.78)), ("GNN", (0.83, 0.78, 0.82, 0.77)))
-        for features, alpha in zip((128, 64, 32, 16), alphas, strict=True)
-    },
-    ("MAGAT-F-32-P4", "50x50 (100)"): "0.95",
-    ("MAGAT-B-32-P4", "50x50 (100)"): "0.95",
-    ("MAGAT-B-32-P4", "200x200 (1000)"): "> 0.80",
-}
 
 
 @dataclass(frozen=True)
@@ -170,20 +159,17 @@ def test_set(name: str, policies: Mapping[str, Path], settings: Sequence[Setting
 
 
 _SET_TEXTS = {
-    "same-density": "Maps grow with the team. The paper: delta_FT of MAGAT-F-32-P4 and MAGAT-B-32-P4 is below 0.065.",
-    "increasing-density": "More and more robots on one map. The paper: most MAGAT policies have alpha above 0.92 and "
-    "delta_FT below 0.10 with 10 to 60 robots; HCA drops from 40 robots on.",
-    "large": "Large maps and teams, against an expert of w = 5. The paper: p_rg is at least 0.986 everywhere, and at "
-    "least 0.996 for MAGAT on 100x100 (500).",
+    "same-density": "Maps grow with the team.",
+    "increasing-density": "More and more robots on one map.",
+    "large": "Large maps and teams, against an expert of w = 5.",
 }
 
 
 def _set_rows(reports: Sequence[Report]) -> list[tuple[str, ...]]:
-    rows: list[tuple[str, ...]] = [("map (robots)", "policy", "shield", *_MEASURES, "alpha in the paper")]
+    rows: list[tuple[str, ...]] = [("map (robots)", "policy", "shield", *_MEASURES)]
     for report in reports:
         named = (set_name(report), report["policy"], report["shield"], str(report["cases"]))
-        paper = PAPER.get((report["policy"], set_name(report)), "") if report["shield"] == "idle" else ""
-        rows.append((*named, *measure_cells(report), paper))
+        rows.append((*named, *measure_cells(report)))
     return rows
 
 

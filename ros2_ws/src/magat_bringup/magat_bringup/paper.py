@@ -93,8 +93,8 @@ all of its maps were measured. The policies of the paper that are not in `models
 64, 32 and 16 features, MAGAT-B-16, GNN-B-64, GAT-F-128 and GNN_baseline-F-128. HCA and Replan are implementations of
 our own, and do better than the paper's did. Times: the paper takes 279.9 s a case for 100x100 (500), 510.1 s for
 200x200 (500) and 1286.8 s for 200x200 (1000); what it takes here is in [architecture.md](architecture.md)."""
-_AIMS_TEXT = """What is aimed at is, at one temperature, alpha of at least 0.99 with delta_FT of at most 0.08 on every map
-of the sets same-density and increasing-density, and alpha of at least 0.95 on the large ones:"""
+_AIMS_TEXT = """What is aimed at is, at one temperature, alpha of at least 0.99 with delta_FT of at most 0.08 on each
+map of the sets same-density and increasing-density, and alpha of at least 0.95 on the large ones:"""
 
 
 def _claim_row(claim: _Claim, policy: str, reports: Sequence[Report]) -> tuple[str, ...] | None:

@@ -143,16 +143,12 @@ def test_the_picture_shows_the_points_and_the_target(tmp_path: Path, monkeypatch
 
 
 @pytest.mark.parametrize(
-    ("alike", "policy", "shield", "differ"),
-    [
-        ({}, "b", "idle", True),
-        ({"MARKERS": ("o",)}, "b", "idle", False),
-        ({}, "a", "pibt", True),
-        ({"DASHES": ("-",)}, "a", "pibt", False),
-    ],
-)
-def test_lines_differ_without_colour_by_the_policys_marker_and_the_shields_style(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, alike: dict[str, tuple], policy: str, shield: str, differ: bool
+    ("alike", "differ"),
+    [({}, True), ({"MARKERS": ("o",)}, True), ({"DASHES": ("-",)}, True),
+     ({"MARKERS": ("o",), "DASHES": ("-",)}, False)],
+)  # fmt: skip
+def test_lines_differ_without_colour_by_the_policys_marker_and_style(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, alike: dict[str, tuple], differ: bool
 ) -> None:
     monkeypatch.setattr(frontier, "robot_colour", lambda _: "#000000")
     monkeypatch.setattr(Figure, "legend", lambda *_, **__: None)  # which names them
@@ -160,9 +156,17 @@ def test_lines_differ_without_colour_by_the_policys_marker_and_the_shields_style
         monkeypatch.setattr(frontier, name, value)
     here, there = ([point(0.5, 0.7, x), point(1.0, 0.8, x)] for x in (0.1, 0.4))
     for name, (one, other) in {"one": (here, there), "other": (there, here)}.items():
-        second = line(policy, *(each | {"shield": shield} for each in other))
-        frontier.draw(line("a", *one) + second, tmp_path / f"{name}.png")
+        frontier.draw(line("a", *one) + line("b", *other), tmp_path / f"{name}.png")
     assert (shades(tmp_path / "one.png") != shades(tmp_path / "other.png")).any() == differ
+
+
+def test_each_shield_has_a_picture_beside_the_others(tmp_path: Path) -> None:
+    idle, pibt = ([point(0.5, 0.7, x) | {"shield": shield}] for x, shield in ((0.1, "idle"), (0.4, "pibt")))
+    frontier.draw(line("a", *idle), tmp_path / "one.png")
+    frontier.draw(line("a", *idle) + line("a", *pibt), tmp_path / "two.png")
+    one, two = shades(tmp_path / "one.png"), shades(tmp_path / "two.png")
+    assert two.shape[1] > one.shape[1]
+    assert two.shape[0] == one.shape[0]
 
 
 def test_points_at_the_edge_can_be_drawn(tmp_path: Path) -> None:

@@ -79,7 +79,7 @@ def draw_curves(
             axes.set_xticks(range(len(across.names)), across.names, rotation=30, ha="right", fontsize=8)
     for axes in grid[-1]:
         axes.set_xlabel(across.label)
-    _legend(figure)
+    legend(figure)
     figure.savefig(path, format="png", dpi=120)
 
 
@@ -119,7 +119,7 @@ def draw_arrivals(reports: Sequence[Report], path: Path) -> None:
             axes.set_ylabel(f"cases, {shields[row]} shield")
     for axes in grid[-1]:
         axes.set_xlabel("robots that reached their goals")
-    _legend(figure)
+    legend(figure)
     figure.savefig(path, format="png", dpi=120)
 
 
@@ -152,7 +152,7 @@ def _tidy(axes: Axes) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def _legend(figure: Figure) -> None:
+def legend(figure: Figure) -> None:
     """One entry a policy, in whatever pictures of ``figure`` it is."""
     entries: dict[str, Any] = {}
     for axes in figure.axes:

@@ -1,20 +1,20 @@
 """``magat frontier``: what success costs in flowtime, over sampling temperatures, as a table, a file and a picture."""
 
 import dataclasses
-import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib import patches, patheffects
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from magat_bringup.curves import DASHES, MARKERS, alpha_errors
+from magat_bringup.curves import DASHES, MARKERS, alpha_errors, legend
 from magat_bringup.evaluation import Contender, Setting, evaluate_policy, set_name
 from magat_bringup.measured import Report, half_width
 from magat_bringup.record import INK, robot_colour, tint
@@ -99,46 +99,53 @@ def table(reports: Sequence[Report]) -> Table:
 
 
 def draw(reports: Sequence[Report], path: Path) -> None:
-    """Draw alpha against delta_FT into the PNG file ``path``: a line a policy and shield, a point a temperature."""
-    figure = Figure(figsize=(8.0, 5.6), facecolor="white", layout="constrained")
-    axes = figure.add_subplot()
+    """Draw alpha against delta_FT into the PNG file ``path``: a picture a shield, a line a policy, a point a T."""
+    policies, shields = (list(dict.fromkeys(point[name] for point in reports)) for name in ("policy", "shield"))
+    figure = Figure(figsize=(2.0 + 5.0 * len(shields), 5.6), facecolor="white", layout="constrained")
+    pictures = figure.subplots(1, len(shields), sharex=True, sharey=True, squeeze=False)[0]
     right = 1.08 * max(TARGET_DELTA_FT, *(point["delta_ft"] + half_width(point) for point in reports))
     bottom = min(TARGET_ALPHA, *(point["alpha_interval"][0] for point in reports))
     margin = 0.06 * (1.0 - bottom)
-    axes.set(xlim=(min(0.0, *(point["delta_ft"] - half_width(point) for point in reports)), right))
-    axes.set(ylim=(bottom - margin, 1.0 + margin))
-    target = patches.Rectangle(
-        (-1.0, TARGET_ALPHA), 1.0 + TARGET_DELTA_FT, 1.0 - TARGET_ALPHA, hatch="//", facecolor=tint(INK, 0.06),
-        edgecolor=tint(INK, 0.35), linewidth=0.8, zorder=0,
-        label=rf"target: $\alpha \geq {TARGET_ALPHA:g}$, $\delta_{{FT}} \leq {TARGET_DELTA_FT:g}$",
-    )  # fmt: skip
-    axes.add_patch(target)
-    outline = [patheffects.withStroke(linewidth=2.0, foreground="white")]
-    policies, shields = (list(dict.fromkeys(point[name] for point in reports)) for name in ("policy", "shield"))
-    for (policy, shield), line in itertools.groupby(reports, key=lambda point: (point["policy"], point["shield"])):
-        points, number = list(line), policies.index(policy)
-        colour = robot_colour(number)
-        delta_ft, alpha = ([point[name] for point in points] for name in ("delta_ft", "alpha"))
-        axes.errorbar(
-            delta_ft, alpha, xerr=[half_width(point) for point in points],
-            yerr=np.transpose([alpha_errors(point) for point in points]), color=colour,
-            ecolor=tint(colour, 0.45), elinewidth=0.9, capsize=2.0, linewidth=1.4, markersize=6.0,
-            linestyle=DASHES[shields.index(shield) % len(DASHES)], marker=MARKERS[number % len(MARKERS)],
-            label=f"{policy}, {shield}".replace("$", r"\$"),
+    pictures[0].set(xlim=(min(0.0, *(point["delta_ft"] - half_width(point) for point in reports)), right))
+    pictures[0].set(ylim=(bottom - margin, 1.0 + margin))
+    pictures[0].set_ylabel(r"$\alpha$, share of cases in which every robot reaches its goal")
+    for axes, shield in zip(pictures, shields, strict=True):
+        target = patches.Rectangle(
+            (-1.0, TARGET_ALPHA), 1.0 + TARGET_DELTA_FT, 1.0 - TARGET_ALPHA, hatch="//", facecolor=tint(INK, 0.06),
+            edgecolor=tint(INK, 0.35), linewidth=0.8, zorder=0,
+            label=rf"target: $\alpha \geq {TARGET_ALPHA:g}$, $\delta_{{FT}} \leq {TARGET_DELTA_FT:g}$",
         )  # fmt: skip
-        aside = _LABELS[number % len(_LABELS)]
-        beside: dict[str, Any] = {"xytext": aside, "textcoords": "offset points", "path_effects": outline}
-        beside["ha"] = "left" if aside[0] > 0.0 else "right"
-        for x, y, point in zip(delta_ft, alpha, points, strict=True):
-            axes.annotate(f"{point['temperature']:g}", (x, y), fontsize=8, color=colour, **beside)
-    axes.set_xlabel(r"$\delta_{FT}$, how much longer the ways are than the expert's")
-    axes.set_ylabel(r"$\alpha$, share of cases in which every robot reaches its goal")
-    axes.set_title(f"{_title(reports)}\nnumbers at points: sampling temperature T; bars: 95 % intervals", loc="left",
-                   fontsize=10)  # fmt: skip
-    axes.grid(color=tint(INK, 0.1), linewidth=0.6)
-    axes.spines[["top", "right"]].set_visible(False)
-    figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize=9)
-    figure.savefig(path, format="png", dpi=150)
+        axes.add_patch(target)
+        for number, policy in enumerate(policies):
+            points = [point for point in reports if (point["policy"], point["shield"]) == (policy, shield)]
+            if points:
+                _line(axes, number, points)
+        axes.set_xlabel(r"$\delta_{FT}$, how much longer the ways are than the expert's")
+        axes.set_title(f"{shield} shield", loc="left", fontsize=10)
+        axes.grid(color=tint(INK, 0.1), linewidth=0.6)
+        axes.spines[["top", "right"]].set_visible(False)
+    figure.suptitle(f"{_title(reports)}\nnumbers at points: sampling temperature T; bars: 95 % intervals", fontsize=10)
+    legend(figure)
+    figure.savefig(path, format="png", dpi=120)
+
+
+def _line(axes: Axes, number: int, points: Sequence[Report]) -> None:
+    """Those of one policy under one shield, by rising temperature."""
+    colour = robot_colour(number)
+    delta_ft, alpha = ([point[name] for point in points] for name in ("delta_ft", "alpha"))
+    axes.errorbar(
+        delta_ft, alpha, xerr=[half_width(point) for point in points],
+        yerr=np.transpose([alpha_errors(point) for point in points]), color=colour,
+        ecolor=tint(colour, 0.45), elinewidth=0.9, capsize=2.0, linewidth=1.4, markersize=6.0,
+        linestyle=DASHES[number % len(DASHES)], marker=MARKERS[number % len(MARKERS)],
+        label=points[0]["policy"].replace("$", r"\$"),
+    )  # fmt: skip
+    aside = _LABELS[number % len(_LABELS)]
+    beside: dict[str, Any] = {"xytext": aside, "textcoords": "offset points"}
+    beside |= {"path_effects": [patheffects.withStroke(linewidth=2.0, foreground="white")]}
+    beside["ha"] = "left" if aside[0] > 0.0 else "right"
+    for x, y, point in zip(delta_ft, alpha, points, strict=True):
+        axes.annotate(f"{point['temperature']:g}", (x, y), fontsize=8, color=colour, **beside)
 
 
 def _title(reports: Sequence[Report]) -> str:

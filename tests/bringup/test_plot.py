@@ -5,8 +5,10 @@ import pytest
 from PIL import Image
 
 from magat_bringup.analysis import TeamRecording
-from magat_bringup.attention import links, links_at
+from magat_bringup.animation import save_animation
+from magat_bringup.attention import links, links_of
 from magat_bringup.cli import main
+from magat_bringup.record import EpisodeRecord
 from magat_robot.policy.store import save
 
 
@@ -31,7 +33,7 @@ def test_attention_at_a_tick_is_that_of_all_ticks(bag, small_policy):
     recording = TeamRecording(bag)
     table = links(recording, small_policy())
     for tick in (0, 4):
-        alone = links_at(recording, recording.all_episodes[1], tick, small_policy())
+        alone = links_of(recording, recording.all_episodes[1], small_policy(), tick)
         expected = table[(table.episode == 1) & (table.tick == tick)]
         assert len(expected) > 0
         assert alone.to_numpy().tolist() == expected.to_numpy().tolist()
@@ -65,6 +67,35 @@ def test_pictures_and_animations_are_what_their_names_say(bag, carried, tmp_path
         assert (picture.format, animation.format) == ("PNG", "GIF")
         assert animation.n_frames > 12
         assert np.asarray(picture.convert("L")).std() > 5
+
+
+def test_an_animation_shows_the_attention_of_all_robots_or_of_one(bag, carried, tmp_path):
+    asked = [[], ["--policy", carried], ["--policy", carried, "--robot", "bob"]]
+    animations = [drawn(bag, tmp_path / "one.gif", *options) for options in asked]
+    assert len(set(animations)) == 3
+
+
+def test_links_of_an_animation_are_as_wide_as_the_attention_at_each_instant(monkeypatch, tmp_path):
+    cells = np.array([[[0, 0], [3, 0]]] * 3)
+    record = EpisodeRecord(np.zeros((2, 4), bool), cells[0], cells, np.zeros((2, 2), bool), "two that stand")
+    stages = {
+        "none": [{}, {}, {}],
+        "little": [{(0, 1): 0.2}, {(0, 1): 0.2}, {}],
+        "much": [{(0, 1): 1.0}, {(0, 1): 1.0}, {}],
+        "from the other side": [{(1, 0): 1.0}, {(1, 0): 1.0}, {}],
+    }
+    ink = {}
+    for name, attention in stages.items():
+        save_animation(record, tmp_path / "one.gif", attention=attention)
+        with Image.open(tmp_path / "one.gif") as animation:
+            first = 255 - np.asarray(animation.convert("L")).astype(int)
+            middle = first.shape[1] // 2
+            ink[name] = first[:, :middle].sum(), first[:, middle:].sum()
+    left, right = (np.array([ink[name][side] for name in stages]) - ink["none"][side] for side in (0, 1))
+    assert 0 < left[1] < left[2]
+    assert right[3] > 0
+    # But for the edge in the middle, there is nothing on the other half.
+    assert max(right[1], right[2], left[3]) < 0.1 * left[1]
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 Drawn in pixels at twice the size and then shrunk, which smooths the edges; cells are ``(x, y)``, x to the right, y up.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 
@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageColor, ImageDraw, ImageFont
 
-from magat_bringup.record import ALARM, INK, ROBOT_INKS, EpisodeRecord, FloatArray, glaze, robot_colour, tint
+from magat_bringup.record import ALARM, INK, LISTENING, ROBOT_INKS, EpisodeRecord, FloatArray, glaze, robot_colour, tint
 
 _FINER = 2
 _FRAMES_PER_STEP = 4
@@ -24,16 +24,23 @@ _TRAIL, _RING = 6, 2
 _UNCHANGED = 255
 
 
-def save_animation(record: EpisodeRecord, path: Path, on_frame: Callable[[int, int], None] | None = None) -> None:
+def save_animation(
+    record: EpisodeRecord,
+    path: Path,
+    on_frame: Callable[[int, int], None] | None = None,
+    attention: Sequence[Mapping[tuple[int, int], float]] | None = None,
+) -> None:
     """Play the episode: four frames a step, fewer where that would make more than about 300 frames.
 
     Args:
         record: the episode.
         path: GIF file to write; it loops.
         on_frame: called with the number of frames drawn so far and of all frames.
+        attention: at each of the T + 1 instants, how much each receiver listened to each sender, by the numbers of
+            both; links are then as wide as it at the robot that listens. All links are alike if None.
     """
     count = min(_FRAMES_PER_STEP * record.steps, _MOST_FRAMES) + 1
-    stage = _Stage(record)
+    stage = _Stage(record, attention)
 
     def frames() -> Iterator[Image.Image]:
         for number, time in enumerate(np.linspace(0, record.steps, count).tolist(), start=1):
@@ -52,8 +59,8 @@ def save_animation(record: EpisodeRecord, path: Path, on_frame: Callable[[int, i
 class _Stage:
     """What all frames of an animation share, and `frame`, which draws one."""
 
-    def __init__(self, record: EpisodeRecord) -> None:
-        self.record = record
+    def __init__(self, record: EpisodeRecord, attention: Sequence[Mapping[tuple[int, int], float]] | None) -> None:
+        self.record, self.attention = record, attention
         height, width = record.obstacles.shape
         self.cell = _FINER * max(2, min(48, round(585 / max(width, height))))
         margin, header, footer = _FINER * 16, _FINER * 44, _FINER * 44
@@ -190,10 +197,25 @@ class _Stage:
         self, draw: ImageDraw.ImageDraw, place: FloatArray, before: int, after: int, fraction: float
     ) -> None:
         """The links of both instants, so that a link that appears or breaks fades."""
+        if self.attention is not None:
+            self._draw_attention(draw, place, before, after, fraction)
+            return
         width = max(2, round(0.04 * self.cell))
         for pair in self.links[before] | self.links[after]:
             strength = (pair in self.links[before]) * (1 - fraction) + (pair in self.links[after]) * fraction
             draw.line([tuple(place[robot]) for robot in pair], fill=glaze(INK, 0.3 * strength), width=width)
+
+    def _draw_attention(
+        self, draw: ImageDraw.ImageDraw, place: FloatArray, before: int, after: int, fraction: float
+    ) -> None:
+        """Of each link the half at the robot that listens, as wide as its attention, between those of both instants."""
+        assert self.attention is not None
+        now, then = self.attention[before], self.attention[after]
+        for receiver, sender in now.keys() | then.keys():
+            ends = place[receiver], (place[receiver] + place[sender]) / 2
+            share = (1 - fraction) * now.get((receiver, sender), 0.0) + fraction * then.get((receiver, sender), 0.0)
+            width = max(1, round((0.03 + 0.35 * share) * self.cell))
+            draw.line([tuple(end) for end in ends], fill=glaze(LISTENING, 0.75 * min(1.0, 5 * share)), width=width)
 
     def _draw_rings(self, draw: ImageDraw.ImageDraw, place: FloatArray, time: float) -> None:
         for step in range(max(0, int(time) - _RING + 1), min(int(time) + 1, self.record.steps)):

@@ -40,14 +40,17 @@ def links(recording: TeamRecording, policy: Policy | None = None) -> pd.DataFram
     return pd.concat(parts, ignore_index=True)
 
 
-def links_at(recording: TeamRecording, episode: Episode, tick: int, policy: Policy) -> pd.DataFrame | None:
-    """As `links`, of one tick of ``episode``; None if nobody heard anybody.
+def links_of(
+    recording: TeamRecording, episode: Episode, policy: Policy, tick: int | None = None
+) -> pd.DataFrame | None:
+    """As `links`, of ``episode`` alone, and of one tick of it if that is given; None if nobody heard anybody.
 
     Raises:
         BagError: the features are not what ``policy`` makes of the observations.
     """
-    alone = replace(episode, ticks=defaultdict(Tick, {tick: episode.ticks[tick]}))
-    return _links(recording, alone, policy)
+    if tick is not None:
+        episode = replace(episode, ticks=defaultdict(Tick, {tick: episode.ticks[tick]}))
+    return _links(recording, episode, policy)
 
 
 def _links(recording: TeamRecording, episode: Episode, policy: Policy | None) -> pd.DataFrame | None:

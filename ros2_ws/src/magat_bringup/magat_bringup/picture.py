@@ -18,12 +18,11 @@ from matplotlib.lines import Line2D
 from matplotlib.path import Path as Outline
 from matplotlib.ticker import MaxNLocator
 
-from magat_bringup.record import ALARM, INK, ROBOT_INKS, EpisodeRecord, FloatArray, robot_colour, tint
+from magat_bringup.record import ALARM, INK, LISTENING, ROBOT_INKS, EpisodeRecord, FloatArray, robot_colour, tint
 from magat_sim.grid import IntArray
 from magat_sim.radio import COMMUNICATION_RADIUS
 
 _FEW = 40
-_LISTENING = ROBOT_INKS[0]
 
 
 @dataclass(frozen=True)
@@ -139,7 +138,7 @@ def _draw_attention(board: Axes, record: EpisodeRecord, cell: float, instant: in
     ends = here[sender] if attention.robot is not None else (here[receiver] + here[sender]) / 2
     lines = np.stack([here[receiver], ends], axis=1)
     widths = (0.4 + 8 * share) * min(1.0, 4 * cell)
-    links = LineCollection(list(lines), colors=_LISTENING, alpha=0.75, linewidths=widths, capstyle="butt", zorder=5)
+    links = LineCollection(list(lines), colors=LISTENING, alpha=0.75, linewidths=widths, capstyle="butt", zorder=5)
     board.add_collection(links)
     for robot, arrived in enumerate(record.on_goal[instant]):
         if not arrived:
@@ -247,7 +246,7 @@ def _legend(record: EpisodeRecord, instant: int, attention: Attention | None) ->
             mark("o", ink, "robot"),
             mark("s", "white", "its goal"),
             mark("s", ink, "robot at goal"),
-            Line2D([], [], color=_LISTENING, alpha=0.75, lw=4, label=label),
+            Line2D([], [], color=LISTENING, alpha=0.75, lw=4, label=label),
         ]
     entries = [mark("o", "white", "start")]
     if record.on_goal[-1].any():

@@ -1,5 +1,6 @@
 """``magat plot``: pictures of recorded teams for papers, with whom robots listened to, and animations."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +10,10 @@ from rich.progress import Progress
 from magat_bringup.analysis import Episode, TeamRecording
 from magat_bringup.analyze import carried_policy
 from magat_bringup.animation import save_animation
-from magat_bringup.attention import links_at
+from magat_bringup.attention import links_of
 from magat_bringup.bag import BagError
 from magat_bringup.picture import Attention, save_picture
-from magat_bringup.record import EpisodeRecord
+from magat_bringup.record import EpisodeRecord, FloatArray
 from magat_robot.policy.policy import Policy
 
 #: What pictures are written as, and what animations are.
@@ -48,19 +49,23 @@ def plot(
         raise BagError(f"{bag} has no robot {robot!r}: it has {', '.join(recording.names)}")
     shown = recording.all_episodes[episode]
     record = _record(shown, recording)
+    at = int(np.argmax([len(pairs) for pairs in record.links])) if tick is None else tick
+    if not 0 <= at <= record.steps:
+        raise BagError(f"episode {episode} of {bag} has no tick {at}: it has 0 to {record.steps}")
+    carried, why = carried_policy(recording, policy)
+    if carried is None:
+        console.print(f"Without attention: {why}", markup=False)
+    chosen = None if robot is None else recording.names.index(robot)
     if output.suffix == ANIMATION:
         with Progress(console=console, transient=True) as progress:
             task = progress.add_task("drawing")
-            save_animation(record, output, lambda done, of: progress.update(task, completed=done, total=of))
+            attention = _attention(recording, shown, carried)
+            if attention is not None and chosen is not None:
+                attention = [{link: share for link, share in one.items() if link[0] == chosen} for one in attention]
+            save_animation(record, output, lambda done, of: progress.update(task, completed=done, total=of), attention)
     else:
-        at = int(np.argmax([len(pairs) for pairs in record.links])) if tick is None else tick
-        if not 0 <= at <= record.steps:
-            raise BagError(f"episode {episode} of {bag} has no tick {at}: it has 0 to {record.steps}")
-        chosen = None if robot is None else recording.names.index(robot)
-        carried, why = carried_policy(recording, policy)
-        if carried is None:
-            console.print(f"Without attention: {why}", markup=False)
-        save_picture(record, output, at, _attention(recording, shown, at, carried, chosen))
+        of_tick = _attention(recording, shown, carried, at)
+        save_picture(record, output, at, None if of_tick is None else Attention(_matrix(of_tick[at], record), chosen))
     console.print(f"The episode is in {output}", highlight=False)
 
 
@@ -78,15 +83,24 @@ def _record(episode: Episode, recording: TeamRecording) -> EpisodeRecord:
 
 
 def _attention(
-    recording: TeamRecording, episode: Episode, tick: int, policy: Policy | None, chosen: int | None
-) -> Attention | None:
-    """In the first round of ``tick``, the mean over the heads; None if nothing is known of it."""
+    recording: TeamRecording, episode: Episode, policy: Policy | None, tick: int | None = None
+) -> list[dict[tuple[int, int], float]] | None:
+    """By receiver and sender, of all ticks or one, in the first round, the mean over the heads; None if not known."""
     if policy is None or policy.config.taps == 1:
         return None
-    table = links_at(recording, episode, tick, policy)
+    table = links_of(recording, episode, policy, tick)
     if table is None:
         return None
-    first = table[table["round"] == 0].groupby(["receiver", "sender"]).attention.mean()
-    weights = np.zeros((len(recording.names), len(recording.names)))
-    weights[first.index.get_level_values("receiver"), first.index.get_level_values("sender")] = first
-    return Attention(weights, chosen)
+    found: list[dict[tuple[int, int], float]] = [{} for _ in episode.recording.positions]
+    first = table[table["round"] == 0].groupby(["tick", "receiver", "sender"]).attention.mean()
+    for (at, receiver, sender), share in first.items():
+        found[at][receiver, sender] = share
+    return found
+
+
+def _matrix(attention: Mapping[tuple[int, int], float], record: EpisodeRecord) -> FloatArray:
+    """The same as `Attention.weights`."""
+    weights = np.zeros((record.robots, record.robots))
+    for (receiver, sender), share in attention.items():
+        weights[receiver, sender] = share
+    return weights

@@ -21,6 +21,8 @@ ROBOT_INKS = (
     "#2f6fde", "#ee7b10", "#1f9d57", "#cf2f74", "#7d4fd8", "#0d98ae",
     "#96602f", "#818f0e", "#e265b4", "#22408c", "#12664a", "#b5452b",
 )  # fmt: skip
+#: Of attention.
+LISTENING = ROBOT_INKS[0]
 
 
 @lru_cache(4096)

@@ -42,8 +42,8 @@ class _Ear:
     """What is heard of one robot that people look at."""
 
     subscriptions: list[Subscription]
-    #: The newest, as objects and, of bundles, as bytes.
-    observations: deque[Any] = field(default_factory=lambda: deque(maxlen=_TICKS))
+    #: The newest, as they came.
+    observations: deque[bytes] = field(default_factory=lambda: deque(maxlen=_TICKS))
     bundles: deque[bytes] = field(default_factory=lambda: deque(maxlen=_TICKS))
 
 
@@ -111,7 +111,7 @@ class LiveTeam:
             kept.extend(_raw(subscription))
         for ear in self._ears.values():
             observations, *bundles = ear.subscriptions
-            ear.observations.extend(filter(_usable, _taken(observations, Observation)))
+            ear.observations.extend(_raw(observations))
             for subscription in bundles:
                 ear.bundles.extend(_raw(subscription))
 
@@ -145,8 +145,9 @@ class LiveTeam:
         if state is None or robot >= len(state.robots) or (name := state.robots[robot]) not in self._ears:
             return None
         worlds = {world.tick: world for world in self._worlds}
-        for told in reversed(self._ears[name].observations):
-            if told.episode == state.id and told.tick in worlds and told.tick + 1 in worlds:
+        for data in reversed(self._ears[name].observations):
+            told = deserialize_message(data, Observation)
+            if told.episode == state.id and told.tick in worlds and told.tick + 1 in worlds and _usable(told):
                 world = worlds[told.tick]
                 positions = np.stack([world.x, world.y], axis=1).astype(np.int64)
                 moment = Moment(told.tick, positions, state.goals, state.obstacles)

@@ -22,7 +22,7 @@ from magat_viewer.source import Source
 
 #: Seconds between two looks at the team: so often at most is anything sent to a browser; between two looks at the
 #: chosen robot, whose attention has to be computed; and at the health of all.
-PERIOD, DETAIL_PERIOD, HEALTH_PERIOD = 1 / 30, 0.1, 1.0
+PERIOD, DETAIL_PERIOD, HEALTH_PERIOD = 1 / 30, 0.2, 1.0
 #: The page, and what each file is.
 _FILES = {
     "index.html": "text/html",

@@ -14,7 +14,8 @@ from rich.console import Console
 from magat_bringup.deploy import deploy
 from magat_bringup.models import find_policy
 from magat_interfaces.action import DeployPolicy
-from magat_interfaces.msg import PolicyFile
+from magat_interfaces.msg import PolicyFile, RobotStatus
+from magat_node import qos
 from magat_robot.policy.config import ModelError
 from magat_robot.policy.folder import read_files, read_folder
 from magat_robot.policy.store import load, save
@@ -147,12 +148,24 @@ def test_one_is_killed_in_the_middle_and_started_again_and_carries_what_the_othe
 @pytest.mark.faults
 @pytest.mark.parametrize("state", ["PREPARING", "SWITCHING"])
 def test_one_is_killed_in_the_middle_for_good_and_the_others_go_back(start_team, policy_folder, other, state):
-    hasty = {"simulator": {"deploy_timeout": 4.0}}
+    hasty = {"simulator": {"deploy_timeout": 8.0}}
     with start_team(10, respawn=False, parameters=hasty) as team:
-        deployer, victim = Deployer(team), max(team.processes.pids("robots"))
+        deployer, (slow, victim) = Deployer(team), sorted(team.processes.pids("robots"))[-2:]
+        prepared: set[str] = set()
+
+        def note(status: RobotStatus) -> None:
+            prepared.update(status.robots if status.prepared else ())
+
+        team.client.node.create_subscription(RobotStatus, "/robot_status", note, qos.reliable(100))
+        os.kill(slow, signal.SIGSTOP)
         deployer.send(other, {getattr(DeployPolicy.Feedback, state): lambda: os.kill(victim, signal.SIGKILL)})
+        if state == "SWITCHING":
+            # It is stopped when it could switch, but has not been told to: it would be quicker than the signal.
+            assert team.client.spin(lambda: len(prepared) == 9, 20.0)
+            os.kill(victim, signal.SIGSTOP)
+        os.kill(slow, signal.SIGCONT)
         said = deployer.error()
-        assert "no answer within 4 s from robot_" in said
+        assert "no answer within 8 s from robot_" in said
         left = replace(team, robots=9)
         assert all_carry(left, policy_folder)
 

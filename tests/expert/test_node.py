@@ -88,6 +88,7 @@ def start(domain: int) -> Callable:
             while not told_to_end.is_set():
                 executor.spin_once(timeout_sec=0.05)
             executor.remove_node(expert)
+            executor.shutdown()
             expert.destroy_node()
 
         thread = threading.Thread(target=spin)

@@ -271,6 +271,7 @@ class Viewed:
         for node in (self.view, self.node):
             self.executor.remove_node(node)
             node.destroy_node()
+        self.executor.shutdown()
         rclpy.shutdown(context=self.context)
 
 

@@ -7,6 +7,7 @@ from types import TracebackType
 from typing import Self
 
 import rclpy
+from rclpy.action import ActionClient
 from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 
@@ -52,5 +53,11 @@ class Visitor:
     ) -> None:
         self._deferred.close()
         self._executor.remove_node(self.node)
+        # The executor keeps callbacks whose object may keep the executor, in a circle that the garbage collector does not
+        # see; and action clients are not destroyed with their node. Either would keep the node and all its threads alive.
+        self._executor.shutdown()
+        for waitable in list(self.node.waitables):
+            if isinstance(waitable, ActionClient):
+                waitable.destroy()
         self.node.destroy_node()
         self._context.try_shutdown()

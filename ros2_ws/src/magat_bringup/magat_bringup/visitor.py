@@ -53,8 +53,8 @@ class Visitor:
     ) -> None:
         self._deferred.close()
         self._executor.remove_node(self.node)
-        # The executor keeps callbacks whose object may keep the executor, in a circle that the garbage collector does not
-        # see; and action clients are not destroyed with their node. Either would keep the node and all its threads alive.
+        # The executor keeps callbacks, whose object may keep the executor: a circle that the garbage collector does not
+        # see. And action clients are not destroyed with their node. Either would keep it alive, with all its threads.
         self._executor.shutdown()
         for waitable in list(self.node.waitables):
             if isinstance(waitable, ActionClient):

@@ -76,15 +76,14 @@ def beside_paper(reports: Sequence[Report]) -> list[str]:
     """
     rows = [row for claim in _CLAIMS for policy in claim.paper if (row := _claim_row(claim, policy, reports))]
     aims = [row for policy in _POLICIES for shield in SHIELDS if (row := _aim_row(policy, shield, reports))]
-    if not rows and not aims:
+    if not rows:
         return []
-    return [
-        "## Beside the paper",
-        _CLAIMS_TEXT,
-        markdown_table(("measure", "maps (robots)", "policy", "the paper", *(f"{s} shield" for s in SHIELDS)), rows),
-        _AIMS_TEXT,
-        markdown_table(("policy", "T", "shield", "lowest alpha", "highest delta_FT", "lowest alpha, large"), aims),
-    ]
+    heading = ("measure", "maps (robots)", "policy", "the paper", *(f"{shield} shield" for shield in SHIELDS))
+    chapter = ["## Beside the paper", _CLAIMS_TEXT, markdown_table(heading, rows)]
+    if aims:
+        heading = ("policy", "T", "shield", "lowest alpha", "highest delta_FT", "lowest alpha, large")
+        chapter += [_AIMS_TEXT, markdown_table(heading, aims)]
+    return chapter
 
 
 _CLAIMS_TEXT = """The paper's numbers, and those of the policies here, from the tables of the test sets below, where the

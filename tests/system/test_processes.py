@@ -105,24 +105,20 @@ def test_no_process_is_left_behind(tmp_path, number, moment):
 
 
 def test_ten_robots_are_up_within_ten_seconds_and_each_costs_less_than_100_mib(start_team):
-    # Once in a hundred starts the middleware says something again that was lost, 3 or 6 s later: one of two is quick.
-    for _ in range(2):
-        started = time.monotonic()
-        joined = []
+    started = time.monotonic()
+    joined = []
 
-        def note(feedback, started=started, joined=joined):
-            if feedback.joined == 10 and not joined:
-                joined.append(time.monotonic() - started)
+    def note(feedback):
+        if feedback.joined == 10 and not joined:
+            joined.append(time.monotonic() - started)
 
-        with start_team(10) as team:
-            team.run(team.goal(CASE), note)
-            memory = [psutil.Process(pid).memory_full_info().pss / 2**20 for pid in team.processes.pids("robots")]
-        print(f"joined after {joined[0]:.1f} s, PSS {min(memory):.0f} to {max(memory):.0f} MiB")
-        assert len(memory) == 10
-        assert max(memory) < 100
-        if joined[0] < 10:
-            return
-    pytest.fail(f"joined after {joined[0]:.1f} s the second time, too")
+    with start_team(10) as team:
+        team.run(team.goal(CASE), note)
+        memory = [psutil.Process(pid).memory_full_info().pss / 2**20 for pid in team.processes.pids("robots")]
+    print(f"joined after {joined[0]:.1f} s, PSS {min(memory):.0f} to {max(memory):.0f} MiB")
+    assert len(memory) == 10
+    assert max(memory) < 100
+    assert joined[0] < 10
 
 
 @pytest.mark.faults

@@ -65,7 +65,10 @@ This page, its pictures and its tables are written by `make results` (`magat res
 in the files beside them, or was of other weights. Cases are the first of the test split (seed 2021, from number
 25500), which no policy was trained or chosen on (but the two numbers of the shield pibt-memory were, on cases 25506 and
 25526 of 50x50 with 100 robots); the shield is idle where nothing else is said, and each policy samples
-at its own temperature. Intervals are of 95 % (Wilson for rates). For one point alone there is `magat evaluate`."""
+at its own temperature. Intervals are of 95 % (Wilson for rates). For one point alone there is `magat evaluate`.
+
+A study is measured by `magat results --study NAME --policy NAMES`, those of the test sets here with `--cases 200`: the
+sets have more, and `make results` alone would measure all of them, of all policies."""
 
 
 def table(study: Study, reports: Sequence[Report]) -> Table:

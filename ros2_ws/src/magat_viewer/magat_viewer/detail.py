@@ -124,7 +124,8 @@ def _weights(moment: Moment, near: list[int], said: Said, policy: "Policy | str"
         return {}, f"robots with {policy.config.name} do not talk"
     if moment.obstacles is None:
         return {}, "the map is not known before the next episode begins"
-    if not near or not said.audible or said.payloads == []:
+    nothing = said.payloads is not None and not said.payloads
+    if not near or not said.audible or nothing:
         return {}, ""
     encoding = said.encoding if said.encoding in ENCODINGS else policy.config.encoding
     spoken = policy.encode(moment.views(near)).messages

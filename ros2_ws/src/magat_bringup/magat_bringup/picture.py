@@ -5,6 +5,7 @@ letters.
 """
 
 from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,8 +30,8 @@ _FEW = 40
 class Attention:
     """Whom robots listened to at one instant."""
 
-    #: ``[N, N]`` weights e_ij: how much i (row) listened to j (column); 0 where it did not hear it.
-    weights: FloatArray
+    #: Weights e_ij: how much i listened to j, by both their numbers, where it heard it.
+    weights: Mapping[tuple[int, int], float]
     #: The one robot whose attention is drawn; that of all if None.
     robot: int | None = None
 
@@ -128,13 +129,13 @@ def _draw_links(board: Axes, record: EpisodeRecord, cell: float, instant: int) -
 def _draw_attention(board: Axes, record: EpisodeRecord, cell: float, instant: int, attention: Attention) -> None:
     """Of each link the half at the robot that listens, as wide as its attention; of one robot alone whole links."""
     here = record.positions[instant]
-    receiver, sender = np.nonzero(attention.weights)
+    shown = {link: e for link, e in attention.weights.items() if e > 0 and attention.robot in (None, link[0])}
+    receiver, sender = np.array([*shown], dtype=np.int64).reshape(-1, 2).T
+    share = np.array([*shown.values()])
     if attention.robot is not None:
-        receiver, sender = receiver[receiver == attention.robot], sender[receiver == attention.robot]
         reach = patches.Circle(here[attention.robot], COMMUNICATION_RADIUS, fc="none", ec=tint(INK, 0.5), zorder=2)
         reach.set(linestyle=(0, (4, 3)), linewidth=0.9)
         board.add_patch(reach)
-    share = attention.weights[receiver, sender]
     ends = here[sender] if attention.robot is not None else (here[receiver] + here[sender]) / 2
     lines = np.stack([here[receiver], ends], axis=1)
     widths = (0.4 + 8 * share) * min(1.0, 4 * cell)

@@ -1,6 +1,5 @@
 """``magat plot``: pictures of recorded teams for papers, with whom robots listened to, and animations."""
 
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ from magat_bringup.animation import save_animation
 from magat_bringup.attention import links_of
 from magat_bringup.bag import BagError
 from magat_bringup.picture import Attention, save_picture
-from magat_bringup.record import EpisodeRecord, FloatArray
+from magat_bringup.record import EpisodeRecord
 from magat_robot.policy.policy import Policy
 
 #: What pictures are written as, and what animations are.
@@ -65,7 +64,7 @@ def plot(
             save_animation(record, output, lambda done, of: progress.update(task, completed=done, total=of), attention)
     else:
         of_tick = _attention(recording, shown, carried, at)
-        save_picture(record, output, at, None if of_tick is None else Attention(_matrix(of_tick[at], record), chosen))
+        save_picture(record, output, at, None if of_tick is None else Attention(of_tick[at], chosen))
     console.print(f"The episode is in {output}", highlight=False)
 
 
@@ -96,11 +95,3 @@ def _attention(
     for (at, receiver, sender), share in first.items():
         found[at][receiver, sender] = share
     return found
-
-
-def _matrix(attention: Mapping[tuple[int, int], float], record: EpisodeRecord) -> FloatArray:
-    """The same as `Attention.weights`."""
-    weights = np.zeros((record.robots, record.robots))
-    for (receiver, sender), share in attention.items():
-        weights[receiver, sender] = share
-    return weights

@@ -45,25 +45,23 @@ def export(folder: Path) -> Path:
     shutil.rmtree(draft, ignore_errors=True)
     draft.mkdir()
     view = torch.zeros(_ROBOTS, *OBSERVATION_SHAPE)
-    thought = deployed.look(view)
+    temperature = {TEMPERATURE: torch.tensor(1.0, dtype=torch.float64)}
     names = part_names(deployed.rounds)
-    _write(draft / names[0], _Look(deployed), {VIEW: view}, [*_fields(thought), MESSAGE])
-    for number, name in enumerate(names[1:-1]):
-        message = deployed.message(thought)
-        heard = {
-            MESSAGES: message[:, None].expand(-1, _PLACES, -1).contiguous(),
-            PRESENT: torch.ones(_ROBOTS, _PLACES, dtype=torch.bool),
-        }
-        after = deployed.hear(thought, *heard.values())
-        _write(
-            draft / name,
-            _Hear(deployed, number, list(_fields(thought))),
-            _fields(thought) | heard,
-            [*_fields(after), MESSAGE],
-        )
-        thought = after
-    inputs = {"features": thought.features, "x": thought.x, TEMPERATURE: torch.tensor(1.0, dtype=torch.float64)}
-    _write(draft / names[-1], _Decide(deployed), inputs, [RESULT])
+    part: _Part = _Look(deployed)
+    given, thought = {VIEW: view}, deployed.look(view)
+    for number, name in enumerate(names):
+        if number > 0:
+            message = deployed.message(thought)
+            heard = {
+                MESSAGES: message[:, None].expand(-1, _PLACES, -1).contiguous(),
+                PRESENT: torch.ones(_ROBOTS, _PLACES, dtype=torch.bool),
+            }
+            part = _Hear(deployed, number - 1, list(_fields(thought)))
+            given, thought = _fields(thought) | heard, deployed.hear(thought, *heard.values())
+        if thought.rounds == deployed.rounds:
+            _write(draft / name, part, given | temperature, [RESULT])
+        else:
+            _write(draft / name, part, given, [*_fields(thought), MESSAGE])
     files = {name: hashlib.sha256((draft / name).read_bytes()).hexdigest() for name in names}
     (draft / CONTENTS).write_text(json.dumps({"weights": digest, "files": files}, indent=2) + "\n")
     shutil.rmtree(folder / EXPORT, ignore_errors=True)
@@ -91,16 +89,17 @@ class _Part(nn.Module):
         super().__init__()
         self.network = network
 
-    def outputs(self, thought: Thought) -> tuple[Tensor, ...]:
-        finished = thought.rounds == self.network.rounds
-        message = thought.x[:, :0] if finished else self.network.message(thought)
+    def outputs(self, thought: Thought, temperature: Tensor | None) -> tuple[Tensor, ...]:
+        if temperature is not None:
+            exponents = fp.snap(self.network.logits(thought) / temperature, fp.EXPONENT_BITS, -1e6, 1e6)
+            return (fp.exp_weights(exponents),)
         # Copies: an output that is an input, or another output, would lose its name.
-        return tuple(tensor.clone() for tensor in (*_fields(thought).values(), message))
+        return tuple(tensor.clone() for tensor in (*_fields(thought).values(), self.network.message(thought)))
 
 
 class _Look(_Part):
-    def forward(self, view: Tensor) -> tuple[Tensor, ...]:
-        return self.outputs(self.network.look(view))
+    def forward(self, view: Tensor, temperature: Tensor | None = None) -> tuple[Tensor, ...]:
+        return self.outputs(self.network.look(view), temperature)
 
 
 class _Hear(_Part):
@@ -109,17 +108,10 @@ class _Hear(_Part):
         self.rounds, self.names = rounds, names
 
     def forward(self, *inputs: Tensor) -> tuple[Tensor, ...]:
-        *fields, messages, present = inputs
+        fields, (messages, present, *temperature) = inputs[: len(self.names)], inputs[len(self.names) :]
         known = dict(zip(self.names, fields, strict=True))
         thought = Thought(known["features"], self.rounds, known["x"], known.get("brought"), known["total"])
-        return self.outputs(self.network.hear(thought, messages, present))
-
-
-class _Decide(_Part):
-    def forward(self, features: Tensor, x: Tensor, temperature: Tensor) -> Tensor:
-        thought = Thought(features, self.network.rounds, x, None, x)
-        exponents = fp.snap(self.network.logits(thought) / temperature, fp.EXPONENT_BITS, -1e6, 1e6)
-        return fp.exp_weights(exponents)
+        return self.outputs(self.network.hear(thought, messages, present), temperature[0] if temperature else None)
 
 
 def _write(path: Path, part: _Part, inputs: dict[str, Tensor], outputs: list[str]) -> None:

@@ -35,8 +35,21 @@ GIVEN = "given_"
 
 
 def part_names(rounds: int) -> list[str]:
-    """The files of an exported policy, in the order in which they are run in a tick."""
-    return ["look.onnx", *(f"hear_{number}.onnx" for number in range(rounds)), "decide.onnx"]
+    """The files of an exported policy, in the order in which they are run in a tick; the last one weighs, too."""
+    return ["look.onnx", *(f"hear_{number}.onnx" for number in range(rounds))]
+
+
+class _Session:
+    """A part of the policy that has been loaded: from values by name, of which it takes what it wants, to others."""
+
+    def __init__(self, data: bytes, options: onnxruntime.SessionOptions) -> None:
+        self._session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
+        self._wanted = [wanted.name for wanted in self._session.get_inputs()]
+        self._given = [given.name.removeprefix(GIVEN) for given in self._session.get_outputs()]
+
+    def __call__(self, values: dict[str, Any]) -> dict[str, Any]:
+        results = self._session.run(None, {name: values[name] for name in self._wanted})
+        return dict(zip(self._given, results, strict=True))
 
 
 class OnnxPolicy:
@@ -59,12 +72,10 @@ class OnnxPolicy:
         options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
         parts = _read_export(folder, self.digest, part_names(len(config.message_sizes)))
         try:
-            sessions = [
-                onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"]) for data in parts
-            ]
+            self._parts = [_Session(data, options) for data in parts]
         except Exception as error:  # its own, which have nothing else in common
             raise ModelError(f"onnxruntime cannot load {folder / EXPORT}: {error}") from error
-        self._look, *self._hear, self._decide = sessions
+        self._temperature = np.array(self.config.temperature)
 
     def encode(self, view: npt.NDArray[np.uint8]) -> Encoding:
         """See `RobotPolicy.encode`."""
@@ -72,33 +83,25 @@ class OnnxPolicy:
             raise ValueError(f"an observation has shape {OBSERVATION_SHAPE}, not {view.shape[1:]}")
         if view.size and view.max() > 1:
             raise ValueError(f"an observation holds 0 and 1, not {view.max()}")
-        return self._thought({"rounds": 0}, _run(self._look, {VIEW: view.astype(np.float32)}))
+        return self._next(0, {VIEW: view.astype(np.float32)})
 
     def hear(self, own: Encoding, messages: npt.NDArray[np.float32], present: npt.NDArray[np.bool_]) -> Encoding:
         """See `RobotPolicy.hear`."""
         if messages.shape[1] == 0:  # an empty place more changes nothing, and spares the operators an empty dimension
             messages, present = np.pad(messages, ((0, 0), (0, 1), (0, 0))), np.pad(present, ((0, 0), (0, 1)))
         heard = np.where(present[:, :, None], messages, np.float32(0)).astype(np.float64)
-        rounds = own.thought["rounds"]
-        outputs = _run(self._hear[rounds], own.thought | {MESSAGES: heard, PRESENT: present})
-        return self._thought(own.thought | {"rounds": rounds + 1}, outputs)
+        return self._next(own.thought["part"], own.thought | {MESSAGES: heard, PRESENT: present})
 
     def decide(self, own: Encoding, streams: npt.NDArray[np.uint64], tick: int) -> Decision:
         """See `RobotPolicy.decide`."""
-        weights = _run(self._decide, own.thought | {TEMPERATURE: np.array(self.config.temperature)})[RESULT]
+        weights = own.thought[RESULT]
         return Decision(weights, choose(weights, uniform(streams, tick)))
 
-    @staticmethod
-    def _thought(before: dict[str, Any], outputs: dict[str, Any]) -> Encoding:
-        message = outputs.pop(MESSAGE)
-        return Encoding(before | outputs, message.astype(np.float32))
-
-
-def _run(session: onnxruntime.InferenceSession, values: dict[str, Any]) -> dict[str, Any]:
-    """The outputs of ``session`` by name; of ``values`` it takes what it wants."""
-    results = session.run(None, {wanted.name: values[wanted.name] for wanted in session.get_inputs()})
-    names = (given.name.removeprefix(GIVEN) for given in session.get_outputs())
-    return dict(zip(names, results, strict=True))
+    def _next(self, part: int, values: dict[str, Any]) -> Encoding:
+        thought = self._parts[part](values | {TEMPERATURE: self._temperature})
+        # The last part weighs, and there is nothing to send any more.
+        message = thought.pop(MESSAGE) if MESSAGE in thought else np.zeros((len(thought[RESULT]), 0))
+        return Encoding(thought | {"part": part + 1}, message.astype(np.float32))
 
 
 def _read_export(folder: Path, digest: str, names: list[str]) -> list[bytes]:
@@ -107,7 +110,7 @@ def _read_export(folder: Path, digest: str, names: list[str]) -> list[bytes]:
     try:
         contents = json.loads((path / CONTENTS).read_text())
         parts = {name: (path / name).read_bytes() for name in names}
-        intact = all(hashlib.sha256(parts[name]).hexdigest() == contents["files"][name] for name in names)
+        intact = contents["files"] == {name: hashlib.sha256(data).hexdigest() for name, data in parts.items()}
         exported = contents["weights"]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ModelError(f"{path} cannot be used ({error!r}): {advice}") from error

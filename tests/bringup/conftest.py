@@ -109,9 +109,10 @@ def simulate(random_case, tmp_path, one_thread) -> Callable[..., Simulated]:
                     if outcome is None:
                         message.obstacles = case.obstacles.astype(np.uint8).ravel().tolist()
                         message.wanted = message.moved = [0] * len(NAMES)
-                        message.silent = [False] * len(NAMES)
+                        message.silent, message.missing = [False] * len(NAMES), [0] * len(NAMES)
                     else:
                         message.wanted, message.moved = outcome.wanted.tolist(), outcome.step.moved.tolist()
+                        message.missing = outcome.missing.tolist()
                         message.silent, message.links, message.seconds = outcome.silent.tolist(), outcome.links, 0.01
                     say("World", -1, "/world", message, at, simulator.tick)
 

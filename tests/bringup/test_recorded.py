@@ -10,18 +10,15 @@ import pytest
 from magat_bringup.analysis import Episode, TeamRecording
 from magat_bringup.attention import links
 from magat_bringup.recorded import RecordedTeam, heard_in
-from magat_interfaces.msg import Preference
-from magat_viewer.detail import UNHEARD, Moment, Said, detail
+from magat_viewer.detail import UNHEARD, Fate, Moment, Said, detail
 
 
-def looked_at(episode: Episode, tick: int, robot: int) -> tuple[Moment, Said]:
-    recording = episode.recording
-    return Moment(tick, recording.positions[tick], recording.goals, recording.obstacles), heard_in(episode, tick, robot)
-
-
-def answered(preference: Preference, **otherwise: object) -> Preference:
-    said = {"heard": preference.heard, "log_probabilities": preference.log_probabilities}
-    return Preference(**(said | otherwise))
+def looked_at(episode: Episode, tick: int, robot: int) -> tuple[Moment, Said, Fate]:
+    recording, after = episode.recording, episode.recording.worlds[tick + 1]
+    moment = Moment(tick, recording.positions[tick], recording.goals, recording.obstacles)
+    stream = episode.ticks[tick].observations[robot].message.stream
+    fate = Fate(after.silent[robot], after.missing[robot], after.wanted[robot], stream)
+    return moment, heard_in(episode, tick, robot), fate
 
 
 def test_all_frames_of_an_episode_are_there_once(simulate, small_policy):
@@ -97,42 +94,40 @@ def test_a_feature_that_was_not_heard_has_no_attention(simulate, small_policy):
     ("name", "encoding"),
     [("MAGAT-F-16", "float32"), ("MAGAT-F-16", "int8"), ("MAGAT-B-16-P2", "float16"), ("GNN-F-16", "int8")],
 )
-def test_who_heard_all_in_range_has_the_same_attention_without_a_look_at_the_features(
-    simulate, small_policy, name, encoding
-):
+def test_what_a_robot_thought_follows_from_the_world(simulate, small_policy, name, encoding):
+    """Nobody has to listen to what robots say and answer, if it heard all in range."""
     policy = small_policy(name)
     [episode] = TeamRecording(simulate(policy, episodes=1, encoding=encoding).bag).all_episodes
     looked = 0
     for tick, robot in itertools.product(range(4), range(6)):
-        moment, said = looked_at(episode, tick, robot)
+        moment, said, fate = looked_at(episode, tick, robot)
         found = detail(robot, moment, said, policy)
-        assert detail(robot, moment, replace(said, payloads=None), policy) == found
+        assert detail(robot, moment, replace(said, payloads=None, preference=None, fate=fate), policy) == found
         looked += any(one["attention"] for one in found["neighbours"])
     assert looked > 10
 
 
-def test_without_a_look_at_the_features_nothing_is_guessed(simulate, small_policy):
+def test_nothing_is_guessed(simulate, small_policy):
     policy = small_policy()
     [episode] = TeamRecording(simulate(policy, episodes=1).bag).all_episodes
     chosen = next((t, r) for t in range(4) for r in range(6) if len(looked_at(episode, t, r)[1].payloads) > 1)
-    moment, said = looked_at(episode, *chosen)
-    said = replace(said, payloads=None)
-    wish = said.preference
-    odd = np.log([0.96, 0.01, 0.01, 0.01, 0.01]).astype(np.float32)
+    moment, told, fate = looked_at(episode, *chosen)
+    said = replace(told, payloads=None, preference=None, fate=fate)
     for case, carried in (
-        (replace(said, preference=answered(wish, heard=wish.heard - 1)), policy),  # one was lost: nobody knows which
-        (
-            replace(said, preference=answered(wish, log_probabilities=odd)),
-            policy,
-        ),  # it did not want what it should have
+        (replace(said, fate=replace(fate, missing=1)), policy),  # one was lost: nobody knows which
+        (replace(said, fate=replace(fate, wanted=(fate.wanted + 1) % 5)), policy),  # not what it would have drawn
         (replace(said, audible=said.audible - 1), policy),  # the simulator lost one
-        (said, small_policy(seed=1)),
+        (said, small_policy(taps=3)),  # of the later rounds nothing follows
+        (replace(told, payloads=None), policy),  # it answered, but what it heard did not come here
     ):
         found = detail(chosen[1], moment, case, carried)
         assert found["why"] == UNHEARD
+        assert (found["probabilities"] is None) == (case.preference is None)
         assert all(one["attention"] is None for one in found["neighbours"])
-    found = detail(chosen[1], moment, replace(said, preference=None), policy)
-    assert found["why"] == "it did not answer"
+    for silent in (replace(said, fate=replace(fate, silent=True)), replace(said, fate=None)):
+        found = detail(chosen[1], moment, silent, policy)
+        assert found["why"] == "it did not answer"
+        assert found["probabilities"] is None
 
 
 def test_another_policys_attention_is_not_invented(simulate, small_policy):

@@ -38,7 +38,7 @@ def world(tick: int = 1, episode: int = 1, width: int = 12, height: int = 3, **f
     message = World(episode=episode, tick=tick, width=width, height=height)
     message.robots = [f"robot_{number}" for number in range(robots)]
     message.silent = message.visited = [False] * robots
-    message.wanted = message.moved = [0] * robots
+    message.wanted = message.moved = message.missing = [0] * robots
     for name, value in (THREE | fields).items():
         setattr(message, name, value)
     return message

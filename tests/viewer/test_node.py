@@ -25,7 +25,7 @@ EPISODES = itertools.count(100)
 def world(tick: int, episode: int = 5, **fields: object) -> World:
     said = {"x": [tick, 0], "y": [0, 1], "goal_x": [9, 0], "goal_y": [0, 1], "wanted": [4, 0], "moved": [4, 0]}
     said |= {"silent": [False, False], "visited": [False, True], "robots": NAMES, "width": 10, "height": 2}
-    said |= {"obstacles": [0] * 20 if tick == 0 else [], "t_max": 30, "seconds": 0.1, "links": 2}
+    said |= {"obstacles": [0] * 20 if tick == 0 else [], "missing": [0, 0], "t_max": 30, "seconds": 0.1, "links": 2}
     return World(episode=episode, tick=tick, **(said | fields))
 
 
@@ -92,6 +92,7 @@ def test_results_come_when_an_episode_is_over(talk):
     [
         {"wanted": [1]},
         {"moved": []},
+        {"missing": [0]},
         {"x": [1]},
         {"x": [1, 10]},
         {"y": [0, -1]},
@@ -122,78 +123,117 @@ def test_other_robots_or_another_map_are_another_episode(talk):
 
 
 def test_the_inside_of_a_robot_is_heard_while_somebody_looks(talk):
+    """Its policy is not known here, so that all is heard that there is to hear."""
     show(talk, world(0, episode=8))
     status = RobotStatus(robots=["bob"], policy="MAGAT-F-128", digest="d" * 64, radio="direct")
     talk.say("robot_status", status, qos.reliable(100), {1})
-    told = Observation(episode=8, tick=0, own_tag=77, audible_tags=[5])
-    told.field_of_view = np.tile([0, 1, 0], 121).astype(np.uint8)
-    wish = Preference(episode=8, tick=0, tag=77, primitive=2, heard=1, compute_us=1500)
-    wish.log_probabilities = np.log([0.1, 0.2, 0.4, 0.2, 0.1]).astype(np.float32)
-    damaged = Observation(episode=8, tick=0, own_tag=78)
-    hello = Observation(tick=Observation.HELLO, field_of_view=told.field_of_view)
-    for message in (told, damaged, hello):
-        talk.say("bob/observation", message, qos.newest(10), {1})
-    for tag in (77, 99):
-        wish.tag = tag
-        talk.say("preference", wish, qos.newest(10), {1})
-    talk.say("world", world(1, episode=8), qos.reliable(100), {1})
-    talk.until(lambda: (talk.team.detail(0, 0, 1) or {}).get("probabilities") is not None, {1})
-    talk.until(lambda: "there is no policy" in talk.team.detail(0, 0, 1)["why"], {1})
+    view = np.tile([0, 1, 0], 121).astype(np.uint8)
+    for tick in range(2):
+        told = Observation(episode=8, tick=tick, own_tag=77, audible_tags=[5], field_of_view=view)
+        wish = Preference(episode=8, tick=tick, primitive=2, heard=1, compute_us=1500)
+        wish.log_probabilities = np.log([0.1, 0.2, 0.4, 0.2, 0.1]).astype(np.float32)
+        damaged = Observation(episode=8, tick=tick, own_tag=78)
+        hello = Observation(tick=Observation.HELLO, field_of_view=view)
+        for message in (told, damaged, hello):
+            talk.say("bob/observation", message, qos.newest(10), {1})
+        for tag in (77, 99) if tick == 1 else ():
+            wish.tag = tag
+            talk.say("preference", wish, qos.newest(10), {1})
+        talk.say("world", world(tick + 1, episode=8), qos.reliable(100), {1})
+        talk.until(lambda: "there is no policy" in (talk.team.detail(0, 0, 1) or {"why": ""})["why"], {1})
+    talk.until(lambda: talk.team.detail(0, 0, 1)["probabilities"] is not None, {1})
     found = talk.team.detail(0, 0, 1)
     assert found["probabilities"] == pytest.approx([0.1, 0.2, 0.4, 0.2, 0.1], abs=1e-4)
-    assert (found["tick"], found["primitive"], found["audible"], found["heard"]) == (0, 2, 1, 1)
-    assert found["view"][0] == "".join(map(str, told.field_of_view[:121]))
+    assert (found["tick"], found["primitive"], found["audible"], found["heard"]) == (1, 2, 1, 1)
+    assert found["view"][0] == "".join(map(str, view[:121]))
     assert talk.team.detail(0, 0, 0) is None, "nobody looks at alice"
     talk.until(lambda: talk.node.count_subscribers("bob/observation") == 0)
 
 
-def test_features_are_heard_only_if_what_a_robot_heard_does_not_follow_from_its_answer(talk, random_network, tmp_path):
+@pytest.mark.parametrize("odd", [{"wanted": [4, 3]}, {"missing": [0, 1]}])
+def test_robots_are_listened_to_only_if_what_one_thought_does_not_follow(talk, random_network, tmp_path, odd):
     number = next(EPISODES)
+    digest = f"{number:064d}"
     show(talk, world(0, episode=number))
-    talk.folders["e" * 64] = tmp_path
+    talk.folders[digest] = tmp_path
     save(random_network(), tmp_path, "")
     policy, moment = (
         load(tmp_path),
         Moment(0, np.array([[0, 0], [0, 1]]), np.array([[9, 0], [0, 1]]), np.zeros((2, 10))),
     )
-    status = RobotStatus(robots=["bob"], policy="MAGAT-F-16", digest="e" * 64, radio="direct", encoding="float32")
+    status = RobotStatus(robots=["bob"], policy="MAGAT-F-16", digest=digest, radio="direct", encoding="float32")
     talk.say("robot_status", status, qos.reliable(100), {1})
     alice, bob = (policy.encode(moment.views([robot])) for robot in range(2))
-    decision = policy.decide(policy.hear(bob, alice.messages[None], np.ones((1, 1), bool)), np.zeros(1, np.uint64), 0)
+    after = policy.hear(bob, alice.messages[None], np.ones((1, 1), bool))
+    stream = np.array([9], np.uint64)
 
-    def tick(at: int, logarithms: np.ndarray, feature: bool = False) -> None:
-        told = Observation(episode=number, tick=at, own_tag=10 + at, audible_tags=[20 + at])
+    def tick(at: int, listened: bool = False, **fields: object) -> None:
+        told = Observation(episode=number, tick=at, own_tag=10 + at, audible_tags=[20 + at], stream=9)
         told.field_of_view = moment.views([1]).ravel()
-        wish = Preference(episode=number, tick=at, tag=10 + at, heard=1, log_probabilities=logarithms)
+        decision = policy.decide(after, stream, at)
+        primitive = int(decision.primitives[0])
         talk.say("bob/observation", told, qos.newest(10), {1})
-        if feature:
+        if listened:
             said = Feature(episode=number, tick=at, tag=20 + at, payload=alice.messages.tobytes())
             talk.say("feature", said, qos.newest(10), {1})
-        talk.say("preference", wish, qos.newest(10), {1})
-        talk.say("world", world(at + 1, episode=number, x=[0, 0]), qos.reliable(100), {1})
+            wish = Preference(episode=number, tick=at, tag=10 + at, heard=1, primitive=primitive)
+            wish.log_probabilities = np.log([0.96, 0.01, 0.01, 0.01, 0.01]).astype(np.float32)
+            talk.say("preference", wish, qos.newest(10), {1})
+        shown = {"x": [0, 0], "wanted": [4, primitive]} | fields
+        if "wanted" in fields:
+            shown["wanted"] = [4, (primitive + 1) % 5]
+        talk.say("world", world(at + 1, episode=number, **shown), qos.reliable(100), {1})
 
-    def attention(at: int) -> list[float] | None:
-        found = talk.team.detail(0, at, 1) or {"tick": -1}
-        return found["neighbours"][0]["attention"] if found["tick"] == at else None
+    def found(at: int) -> dict:
+        last = talk.team.detail(0, at, 1)
+        return last if last and last["tick"] == at else {"why": None, "probabilities": None}
 
-    tick(0, decision.log_probabilities[0])
-    talk.until(lambda: attention(0) == [1.0], {1})
-    assert talk.node.count_subscribers("feature") == 0
-    tick(1, np.log([0.96, 0.01, 0.01, 0.01, 0.01]).astype(np.float32))
-    talk.until(lambda: (talk.team.detail(0, 1, 1) or {}).get("why") == UNHEARD, {1})
-    tick(2, np.log([0.96, 0.01, 0.01, 0.01, 0.01]).astype(np.float32), feature=True)
-    talk.until(lambda: attention(2) == [1.0], {1})
+    tick(0)
+    talk.until(lambda: found(0)["why"] == "", {1})
+    expected = np.exp(policy.decide(after, stream, 0).log_probabilities[0])
+    assert found(0)["probabilities"] == pytest.approx(expected, abs=1e-4)
+    assert found(0)["neighbours"] == [{"robot": 0, "attention": [1.0]}]
+    assert found(0)["heard"] == 1
+    assert talk.node.count_subscribers("feature") == talk.node.count_subscribers("preference") == 0
+    tick(1, **odd)
+    talk.until(lambda: found(1)["why"] == UNHEARD, {1})
+    assert found(1)["probabilities"] is None
+    tick(2, listened=True)
+    talk.until(lambda: found(2)["probabilities"] == pytest.approx([0.96, 0.01, 0.01, 0.01, 0.01], abs=1e-4), {1})
+    talk.until(lambda: found(2)["why"] == "" and found(2)["neighbours"][0]["attention"] == [1.0], {1})
     talk.until(lambda: talk.node.count_subscribers("feature") == 0)
+    assert talk.node.count_subscribers("preference") == 0
+
+
+def test_who_comes_late_listens_until_an_episode_tells_its_map(talk, random_network, tmp_path):
+    number = next(EPISODES)
+    talk.folders["f" * 64] = tmp_path
+    save(random_network(), tmp_path, "")
+    status = RobotStatus(robots=["bob"], policy="MAGAT-F-16", digest="f" * 64, radio="direct", encoding="float32")
+    talk.say("robot_status", status, qos.reliable(100), {1})
+    told = Observation(episode=number, tick=3, own_tag=7, audible_tags=[8], field_of_view=np.zeros(363, np.uint8))
+    show(talk, world(3, episode=number))
+    talk.say("bob/observation", told, qos.newest(10), {1})
+    talk.say("world", world(4, episode=number), qos.reliable(100), {1})
+    talk.until(lambda: "the map is not known" in (talk.team.detail(0, 3, 1) or {"why": ""})["why"], {1})
+    talk.until(lambda: talk.node.count_subscribers("preference") == 1, {1})
+    talk.say("world", world(0, episode=next(EPISODES)), qos.reliable(100), {1})
+    talk.until(lambda: talk.node.count_subscribers("preference") == 0, {1})
+    talk.until(lambda: talk.node.count_subscribers("bob/observation") == 0)
 
 
 def test_numbers_that_are_none_do_not_reach_browsers(talk):
+    """Nor before anybody knows which policy alice carries."""
     show(talk, world(0, episode=9))
-    told = Observation(episode=9, tick=0, own_tag=3, field_of_view=np.zeros(363, dtype=np.uint8))
-    wish = Preference(episode=9, tick=0, tag=3)
-    wish.log_probabilities = np.array([np.nan, np.inf, -np.inf, 900.0, -0.5], dtype=np.float32)
-    talk.say("alice/observation", told, qos.newest(10), {0})
-    talk.say("preference", wish, qos.newest(10), {0})
-    talk.say("world", world(1, episode=9), qos.reliable(100), {0})
-    talk.until(lambda: (talk.team.detail(0, 0, 0) or {}).get("probabilities") is not None, {0})
+    for tick in range(2):
+        told = Observation(episode=9, tick=tick, own_tag=3, field_of_view=np.zeros(363, dtype=np.uint8))
+        talk.say("alice/observation", told, qos.newest(10), {0})
+        if tick == 1:
+            wish = Preference(episode=9, tick=tick, tag=3)
+            wish.log_probabilities = np.array([np.nan, np.inf, -np.inf, 900.0, -0.5], dtype=np.float32)
+            talk.say("preference", wish, qos.newest(10), {0})
+        talk.say("world", world(tick + 1, episode=9), qos.reliable(100), {0})
+        talk.until(lambda at=tick: (talk.team.detail(0, 0, 0) or {}).get("tick") == at, {0})
+    talk.until(lambda: talk.team.detail(0, 0, 0)["probabilities"] is not None, {0})
     said = json.loads(json.dumps(talk.team.detail(0, 0, 0), allow_nan=False))
     assert said["probabilities"] == pytest.approx([0.0, 1.0, 0.0, 1.0, 0.6065])

@@ -4,9 +4,11 @@ import os
 import tempfile
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import TracebackType
+from typing import Self
 
 import numpy as np
 import psutil
@@ -14,10 +16,10 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from magat_bringup.client import EpisodeClient
+from magat_bringup.client import EpisodeClient, EpisodeOutcome
 from magat_bringup.environment import network_for, own_domain
 from magat_bringup.processes import TeamError, TeamProcesses
-from magat_bringup.team import TeamFile, TeamPlan
+from magat_bringup.team import PagePlan, TeamFile, TeamPlan
 from magat_interfaces.action import RunEpisode
 from magat_robot.policy.deployment import load_policy
 from magat_training.cases import SET_SEED, SPLITS
@@ -70,63 +72,116 @@ class Speed:
     missing: int
 
 
+class _Timed:
+    """A team in a ``with`` statement, whose ticks are timed."""
+
+    def __init__(self, setting: Setting, policy: Path, encoding: str = "") -> None:
+        """Of ``setting``, carrying ``policy``."""
+        self.setting, self._policy, self._encoding = setting, policy, encoding
+        self._stack = ExitStack()
+        self._startup = 0.0
+
+    def __enter__(self) -> Self:
+        with ExitStack() as stack:
+            self._domain = stack.enter_context(own_domain())
+            self._folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+            setting = self.setting
+            self._plan = TeamPlan(
+                TeamFile.numbered(setting.robots, setting.crew),
+                self._policy,
+                radio=setting.radio,
+                encoding=self._encoding,
+                backend=setting.backend,
+                ready_timeout=READY,
+                record=self._folder / "bag" if setting.recorded else None,
+            )
+            network = network_for(self._domain, self._plan.nodes + 1)  # the page comes and goes
+            self._plan = replace(self._plan, server=bool(network.server))
+            self._variables = network.variables
+            os.environ.update(self._variables)
+            self._started = time.monotonic()
+            self._team = stack.enter_context(TeamProcesses(self._plan, self._folder / "logs", self._variables))
+            self._client = stack.enter_context(EpisodeClient(self._team, self._domain))
+            self._client.wait_for_simulator(READY)
+            if setting.recorded:
+                self._client.wait_for_recorder()
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stack.close()
+
+    def time(self, ticks: int) -> Speed:
+        """Run episodes, always the same, for at least ``ticks`` ticks."""
+        seconds: list[float] = []
+        missing, spent = 0, 0.0
+        for number in SPLITS["test"]:
+            outcome = self._episode(number)
+            worlds = outcome.recording.worlds
+            seconds += [worlds[tick].seconds for tick in sorted(worlds) if tick > 0]
+            missing += outcome.result.features_missing
+            spent += outcome.result.ticks / outcome.result.ticks_per_second
+            if len(seconds) >= ticks:
+                break
+        memory = [psutil.Process(pid).memory_full_info().pss / 2**20 for pid in self._team.pids("robots")]
+        p50, p99 = np.percentile(seconds, [50, 99]) * 1e3
+        share = sum(memory) / self.setting.robots
+        return Speed(len(seconds), len(seconds) / spent, p50, p99, self._startup, share, missing)
+
+    @contextmanager
+    def page(self) -> Iterator[None]:
+        """The page of the team, followed, a robot chosen, as long as the ``with`` statement lasts."""
+        plan = PagePlan(self._plan.team, self._policy, view=free_port())
+        with (
+            TeamProcesses(plan, self._folder / "page", self._variables) as page,
+            Follower(f"http://{PAGE_HOST}:{plan.view}/", chosen=0) as follower,
+        ):
+            deadline = time.monotonic() + READY
+            while follower.last.get("detail", {}).get("why") != "":  # the page knows the robot's thoughts
+                page.check()
+                if time.monotonic() > deadline:
+                    raise TeamError(f"the page shows nothing of the chosen robot after {READY:g} s")
+                self._episode(SPLITS["test"][0])
+            yield
+
+    def _episode(self, number: int) -> EpisodeOutcome:
+        side = self.setting.side
+        goal = RunEpisode.Goal(seed=SET_SEED, number=number, width=side, height=side)
+        # Long enough for most episodes; teams that walk at random never finish theirs.
+        goal.density, goal.t_max = 0.1, 4 * side
+
+        def note(feedback: RunEpisode.Feedback) -> None:
+            self._startup = self._startup or (time.monotonic() - self._started if feedback.t_max else 0.0)
+
+        return self._client.run(goal, note)
+
+
 def measure(setting: Setting, policy: Path, ticks: int, encoding: str = "") -> Speed:
-    """Run episodes on a team of ``setting`` for at least ``ticks`` ticks.
+    """Run episodes on a team of ``setting``, which nobody views, for at least ``ticks`` ticks.
 
     Raises:
         TeamError: the team cannot be started, or does not come together.
     """
-    with own_domain() as domain, tempfile.TemporaryDirectory() as folder:
-        plan = TeamPlan(
-            TeamFile.numbered(setting.robots, setting.crew),
-            policy,
-            radio=setting.radio,
-            encoding=encoding,
-            backend=setting.backend,
-            ready_timeout=READY,
-            record=Path(folder, "bag") if setting.recorded else None,
-            view=free_port() if setting.viewed else None,
-        )
-        network = network_for(domain, plan.nodes)
-        plan = replace(plan, server=bool(network.server))
-        os.environ.update(network.variables)
-        started = time.monotonic()
-        startup = 0.0
-        seconds: list[float] = []
-        missing, spent = 0, 0.0
-        with (
-            TeamProcesses(plan, Path(folder, "logs"), network.variables) as team,
-            EpisodeClient(team, domain) as client,
-            ExitStack() as stack,
-        ):
-            client.wait_for_simulator(READY)
-            if setting.viewed:
-                follower = stack.enter_context(Follower(f"http://{PAGE_HOST}:{plan.view}/", chosen=0))
-                if not client.spin(lambda: follower.counts["team"] > 0, READY):
-                    raise TeamError(f"the page does not answer after {READY:g} s")
-            if setting.recorded:
-                client.wait_for_recorder()
+    with _Timed(setting, policy, encoding) as team:
+        return team.time(ticks)
 
-            def note(feedback: RunEpisode.Feedback) -> None:
-                nonlocal startup
-                startup = startup or (time.monotonic() - started if feedback.t_max else 0.0)
 
-            for number in SPLITS["test"]:
-                # Long enough for most episodes; teams that walk at random never finish theirs.
-                goal = RunEpisode.Goal(seed=SET_SEED, number=number, width=setting.side, height=setting.side)
-                goal.density, goal.t_max = 0.1, 4 * setting.side
-                outcome = client.run(goal, note)
-                if setting.viewed and follower.last.get("detail", {}).get("why") != "":
-                    continue  # the page is still loading the policy
-                worlds = outcome.recording.worlds
-                seconds += [worlds[tick].seconds for tick in sorted(worlds) if tick > 0]
-                missing += outcome.result.features_missing
-                spent += outcome.result.ticks / outcome.result.ticks_per_second
-                if len(seconds) >= ticks:
-                    break
-            memory = [psutil.Process(pid).memory_full_info().pss / 2**20 for pid in team.pids("robots")]
-    p50, p99 = np.percentile(seconds, [50, 99]) * 1e3
-    return Speed(len(seconds), len(seconds) / spent, p50, p99, startup, sum(memory) / setting.robots, missing)
+def measure_viewed(setting: Setting, policy: Path, ticks: int, turns: int) -> Iterator[tuple[Setting, Speed]]:
+    """One and the same team with the page and without it, ``turns`` times by turns: two starts would differ by more.
+
+    Each turn runs the same episodes, for at least ``ticks`` ticks; the page comes and goes, and who goes first changes.
+
+    Raises:
+        TeamError: as `measure`, or the page shows nothing.
+    """
+    with _Timed(setting, policy) as team:
+        team.time(ticks)  # nobody's first
+        for number in range(2 * turns):
+            viewed = number % 4 in (1, 2)
+            with team.page() if viewed else nullcontext():
+                yield replace(setting, viewed=viewed), team.time(ticks)
 
 
 def inference(policy: Path, backend: str, neighbours: int = 4, repetitions: int = 200) -> float:
@@ -146,18 +201,30 @@ def inference(policy: Path, backend: str, neighbours: int = 4, repetitions: int 
 
 
 def bench_runtime(
-    settings: Iterable[Setting], policy: Path, ticks: int, console: Console
+    settings: Iterable[Setting], policy: Path, ticks: int, turns: int, view: bool, console: Console
 ) -> Iterator[tuple[Setting, Speed]]:
-    """`measure` each of ``settings``, with progress."""
+    """`measure` each of ``settings`` in so many turns, or by `measure_viewed` if ``view``, with progress."""
     settings = list(settings)
     with Progress(console=console, transient=True) as progress:
-        task = progress.add_task("teams", total=len(settings))
-        for setting in settings:
+        task = progress.add_task("teams", total=turns * len(settings) * (1 + view))
+
+        def named(setting: Setting) -> Setting:
             progress.update(
                 task, description=f"{setting.processes} x {setting.crew}, {setting.radio}, {setting.backend}"
             )
-            yield setting, measure(setting, policy, ticks)
-            progress.advance(task)
+            return setting
+
+        if view:
+            for setting in settings:
+                for result in measure_viewed(named(setting), policy, ticks, turns):
+                    progress.advance(task)
+                    yield result
+            return
+        for number in range(turns):
+            # Every other turn backwards: the machine changes with time, and who is always second would be the slower.
+            for setting in settings[:: -1 if number % 2 else 1]:
+                yield named(setting), measure(setting, policy, ticks)
+                progress.advance(task)
 
 
 def summary(results: Iterable[tuple[Setting, Speed]], inferences: Mapping[str, float]) -> str:

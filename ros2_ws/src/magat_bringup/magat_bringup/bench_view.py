@@ -24,7 +24,7 @@ from rich.table import Table
 
 from magat_bringup.environment import loopback, own_domain
 from magat_bringup.processes import TeamError, TeamProcesses
-from magat_bringup.team import Command, TeamFile, TeamPlan
+from magat_bringup.team import PagePlan, TeamFile
 from magat_interfaces.msg import World
 from magat_node import qos
 from magat_sim.case import draw_case
@@ -72,13 +72,6 @@ class Smoothness:
     browser: float
 
 
-class _PagePlan(TeamPlan):
-    """The page without its team."""
-
-    def commands(self) -> list[Command]:
-        return [command for command in super().commands() if command.name == "viewer"]
-
-
 def measure(crowd: Crowd, seconds: float) -> Smoothness:
     """Show ``crowd`` for so long to a browser, and for so long to nobody.
 
@@ -90,7 +83,7 @@ def measure(crowd: Crowd, seconds: float) -> Smoothness:
         environment = loopback(domain)
         os.environ.update(environment)
         port = free_port()
-        plan = _PagePlan(TeamFile.numbered(crowd.robots), Path(folder), view=port)
+        plan = PagePlan(TeamFile.numbered(crowd.robots), Path(folder), view=port)
         with TeamProcesses(plan, Path(folder, "logs"), environment) as team, _published(crowd, domain):
             server = psutil.Process(team.pids("viewer")[0])
             _wait_for(port, team)
@@ -180,6 +173,7 @@ def _worlds(crowd: Crowd) -> list[World]:
         world.goal_x, world.goal_y = case.goals.T.tolist()
         world.wanted, world.moved = wanted.tolist(), moved.tolist()
         world.silent, world.visited = [False] * crowd.robots, simulator.visited.tolist()
+        world.missing = [0] * crowd.robots
         world.seconds, world.t_max, world.expert_flowtime = 1 / crowd.rate, _TICKS, -1
         worlds.append(world)
 

@@ -302,8 +302,9 @@ def _parser() -> argparse.ArgumentParser:
         (40, 1), (4, 10), (4, 50), (2, 500)]
     )  # fmt: skip
     runtime.add_argument("--radios", choices=["direct", "relayed"], nargs="+", default=["direct", "relayed"])
-    runtime.add_argument("--record", action="store_true", help="time each team a second time, while it is recorded")
-    runtime.add_argument("--view", action="store_true", help="time each team again, while the page is followed")
+    more = runtime.add_mutually_exclusive_group()
+    more.add_argument("--record", action="store_true", help="time each team a second time, while it is recorded")
+    more.add_argument("--view", action="store_true", help="time each team by turns with the page, and without it")
     runtime.add_argument(
         "--backends", choices=BACKENDS, nargs="+", default=list(BACKENDS), help="what computes (default: each in turn)"
     )

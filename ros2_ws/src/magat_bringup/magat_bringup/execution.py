@@ -170,16 +170,14 @@ def bench_runtime_command(options: argparse.Namespace, console: Console) -> int:
 
     policy = find_policy(options.policy)
     _exported(options.policy, console)
-    turn = [
-        Setting(processes, crew, radio, backend, recorded, viewed)
+    settings = [
+        Setting(processes, crew, radio, backend, recorded)
         for processes, crew in options.teams
         for radio in options.radios
         for backend in options.backends
-        for recorded, viewed in [(False, False), *([(True, False)] * options.record), *([(False, True)] * options.view)]
+        for recorded in [False, *([True] * options.record)]
     ]
-    # In turns, every other one backwards: the machine changes with time, and who is always second would be the slower.
-    settings = [setting for number in range(options.repeat) for setting in turn[:: -1 if number % 2 else 1]]
-    results = list(bench_runtime(settings, policy, options.ticks, console))
+    results = list(bench_runtime(settings, policy, options.ticks, options.repeat, options.view, console))
     printer = Console()
     printer.print(table(results))
     printer.print(summary(results, {backend: inference(policy, backend) for backend in ("torch", "onnx")}))

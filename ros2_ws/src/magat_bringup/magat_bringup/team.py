@@ -241,3 +241,11 @@ class TeamPlan:
                 )
             )
         return started
+
+
+class PagePlan(TeamPlan):
+    """The page without its team."""
+
+    def commands(self) -> list[Command]:
+        """Of `TeamPlan.commands` the page's."""
+        return [command for command in super().commands() if command.name == "viewer"]

@@ -356,10 +356,12 @@ class SimulatorNode(Node):
             message.obstacles = array.array("B", case.obstacles.astype(np.uint8).tobytes())
             message.wanted = message.moved = array.array("B", bytes(case.robots))
             message.silent = [False] * case.robots
+            message.missing = array.array("H", bytes(2 * case.robots))
         else:
             message.wanted = array.array("B", outcome.wanted.astype(np.uint8).tobytes())
             message.moved = array.array("B", outcome.step.moved.astype(np.uint8).tobytes())
             message.silent = outcome.silent.tolist()
+            message.missing = array.array("H", outcome.missing.astype(np.uint16).tobytes())
             message.links = outcome.links
             message.seconds = time.monotonic() - self._tick_started
         self._send_world.publish(message)

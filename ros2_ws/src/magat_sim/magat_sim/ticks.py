@@ -45,6 +45,8 @@ class Outcome:
     step: Step
     #: ``[N]`` bool.
     silent: BoolArray
+    #: ``[N]`` messages in range that the robot did not hear, over all rounds; 0 where silent.
+    missing: IntArray
     #: Directed radio links.
     links: int
 
@@ -116,14 +118,16 @@ class Episode:
         """End the tick: who is silent idles, the shield rules, the robots move."""
         wanted = np.zeros(self.robots, dtype=np.int64)
         liking = np.zeros((self.robots, len(DELTAS)), dtype=np.float32)
+        missing = np.zeros(self.robots, dtype=np.int64)
         for robot, wish in self._wishes.items():
             wanted[robot], liking[robot] = wish.primitive, wish.log_probabilities
-            self.features_missing += max(0, int(self._audible[robot]) - wish.heard)
+            missing[robot] = max(0, int(self._audible[robot]) - wish.heard)
             self.feature_bytes += wish.feature_bytes
+        self.features_missing += int(missing.sum())
         self.answers += len(self._wishes)
         silent = ~self.answered
         self.silent += int(silent.sum())
-        return Outcome(wanted, self.simulator.step(Wishes(wanted, liking, silent)), silent, self._links)
+        return Outcome(wanted, self.simulator.step(Wishes(wanted, liking, silent)), silent, missing, self._links)
 
     @property
     def bytes_per_tick(self) -> float:

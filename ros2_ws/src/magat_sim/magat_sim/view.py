@@ -134,7 +134,7 @@ class ViewNode(Node):
 def fault(world: World) -> str | None:
     """What keeps a world from being drawn, as the end of a sentence; or None."""
     robots, cells = len(world.robots), world.width * world.height
-    columns = ("x", "y", "goal_x", "goal_y", "wanted", "moved", "silent", "visited")
+    columns = ("x", "y", "goal_x", "goal_y", "wanted", "moved", "silent", "missing", "visited")
     lengths = {name: len(getattr(world, name)) for name in columns}
     if robots == 0 or cells == 0:
         return f"{robots} robots are on {world.width} x {world.height} cells"

@@ -1,21 +1,22 @@
 """What the chosen robot saw, heard and decided in one tick, as JSON values. Free of ROS.
 
-Attention is on no topic, but it can be computed again from what was seen and heard: as a deployed policy's sums have no
-order, it is, to the last bit, what the robot computed. No message says who sent it. But what each neighbour must have
-said follows from the world, to the last bit, too, and by that each is known. Two that said the same are heard alike.
-So nobody has to listen to features, at a cost to the team, for as long as the robot says that it heard all in range,
-and wants what it should want then.
+As a deployed policy's sums have no order, what a robot computed can be computed again, to the last bit, from what it
+saw and heard. It saw what it was told. What each neighbour must have said follows from the world. So if the world says
+that the robot heard all in range, and wants what it would draw then, all is known of it, and nobody has to listen to
+what robots say and answer, at a cost to the team. Otherwise that has to be heard. No message says who sent it, but a
+neighbour is known by what it must have said; two that said the same are heard alike.
 """
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from magat_robot.policy import payload
-from magat_robot.policy.config import ENCODINGS, OBSERVATION_SHAPE
+from magat_robot.policy.config import ENCODINGS
 from magat_sim.field_of_view import Uint8Array, field_of_view, pad
 from magat_sim.grid import BoolArray, IntArray
 from magat_sim.radio import neighbours
@@ -24,10 +25,8 @@ if TYPE_CHECKING:
     from magat_robot.policy.interface import Encoding
     from magat_robot.policy.policy import Policy  # torch takes a second to import, and is not always needed
 
-#: Why nothing is known of a robot's attention: somebody would have to listen to the features.
+#: Why nothing is known of a robot's attention: somebody would have to listen to what robots say and answer.
 UNHEARD = "which robots it heard is being found out"
-#: Two probabilities that differ by less are the same: a `Preference` carries float32.
-_CLOSE = 1e-5
 
 
 @dataclass(frozen=True)
@@ -59,6 +58,18 @@ class Moment:
 
 
 @dataclass(frozen=True)
+class Fate:
+    """What became of one robot in a tick, as the world says, and its random stream."""
+
+    silent: bool
+    #: Messages in range that it did not hear.
+    missing: int
+    #: The primitive that it drew.
+    wanted: int
+    stream: int
+
+
+@dataclass(frozen=True)
 class Said:
     """What one robot was told and sent, and what it answered, in one tick."""
 
@@ -66,12 +77,27 @@ class Said:
     view: Uint8Array
     #: How many messages it could hear.
     audible: int
-    #: Those of the first round, as they came; None if nobody listened.
+    #: Those of the first round, as they came; None if not all of them are known.
     payloads: Sequence[bytes] | None
     #: Of them, one of `ENCODINGS`; that of the policy if it is another word.
     encoding: str
-    #: Its `Preference`; None if it was silent.
+    #: Its `Preference`; None if it was silent, or nobody listened.
     preference: Any = None
+    #: To go by where that is not there because nobody listened.
+    fate: Fate | None = None
+
+
+@dataclass(frozen=True)
+class _Mind:
+    """What is known of a robot's deciding."""
+
+    #: Why no attention is known.
+    why: str
+    probabilities: list[float] | None = None
+    primitive: int | None = None
+    heard: int | None = None
+    #: By neighbour and head.
+    attention: dict[int, list[float]] = field(default_factory=dict)
 
 
 def detail(robot: int, moment: Moment, said: Said, policy: "Policy | str") -> dict[str, Any]:
@@ -85,30 +111,57 @@ def detail(robot: int, moment: Moment, said: Said, policy: "Policy | str") -> di
 
     Returns:
         ``view``: for each channel a text of 121 digits; ``probabilities``: of the five primitives, None if it was
-        silent; ``neighbours``: who is in range, with ``attention`` (by head; None if that robot was not heard, or
-        nothing can be said), and ``why`` nothing can be said.
+        silent, or nothing can be said; ``neighbours``: who is in range, with ``attention`` (by head; None if that robot
+        was not heard, or nothing can be said), and ``why`` nothing can be said.
     """
     near = _near(robot, moment.positions)
-    weights, why = _weights(moment, near, said, policy)
-    preference = said.preference
+    if said.preference is None and said.fate is not None:
+        mind = _followed(moment, near, said, said.fate, policy)
+    else:
+        attention, why = _attention(moment, near, said, policy)
+        mind = _Mind(why, attention=attention)
+        if (wish := said.preference) is not None:
+            mind = _Mind(why, _probabilities(wish.log_probabilities), int(wish.primitive), int(wish.heard), attention)
     return {
         "kind": "detail",
         "robot": robot,
         "tick": moment.tick,
         "view": ["".join(map(str, channel.ravel().tolist())) for channel in said.view],
-        "probabilities": None if preference is None else _probabilities(preference.log_probabilities),
-        "primitive": None if preference is None else int(preference.primitive),
+        "probabilities": mind.probabilities,
+        "primitive": mind.primitive,
         "audible": said.audible,
-        "heard": None if preference is None else int(preference.heard),
-        "milliseconds": None if preference is None else preference.compute_us / 1e3,
-        "neighbours": [{"robot": other, "attention": weights.get(other)} for other in near],
-        "why": why,
+        "heard": mind.heard,
+        "neighbours": [{"robot": other, "attention": mind.attention.get(other)} for other in near],
+        "why": mind.why,
     }
+
+
+def _followed(moment: Moment, near: list[int], said: Said, fate: Fate, policy: "Policy | str") -> _Mind:
+    """What a robot must have thought that heard all of ``near`` in a tick of at most one round; else nothing."""
+    if fate.silent:
+        return _Mind("it did not answer")
+    if why := _unknowable(moment, policy):
+        return _Mind(why, primitive=fate.wanted)
+    assert not isinstance(policy, str)
+    unheard = _Mind(UNHEARD, primitive=fate.wanted)
+    if policy.rounds > 1 or fate.missing or said.audible != len(near):
+        return unheard
+    own = policy.encode(said.view[None])
+    attention: dict[int, list[float]] = {}
+    why = f"robots with {policy.config.name} do not talk"
+    if policy.rounds:
+        messages, present = _messages(_spoken(moment, near, policy), _encoding(said, policy))
+        attention, why = _by_neighbour(policy, own, messages, present, near), ""
+        own = policy.hear(own, messages, present)
+    decision = policy.decide(own, np.array([fate.stream], dtype=np.uint64), moment.tick)
+    if decision.primitives[0] != fate.wanted:
+        return unheard
+    return _Mind(why, _probabilities(decision.log_probabilities[0]), fate.wanted, said.audible, attention)
 
 
 def _probabilities(logarithms: Any) -> list[float]:
     """From 0 to 1, whatever a robot says: JSON has no other numbers."""
-    return np.nan_to_num(np.exp(np.minimum(logarithms, 0.0))).round(4).tolist()
+    return np.nan_to_num(np.exp(np.minimum(np.asarray(logarithms, dtype=np.float64), 0.0))).round(4).tolist()
 
 
 def _near(robot: int, positions: IntArray) -> list[int]:
@@ -116,46 +169,57 @@ def _near(robot: int, positions: IntArray) -> list[int]:
     return row[row >= 0].tolist()
 
 
-def _weights(moment: Moment, near: list[int], said: Said, policy: "Policy | str") -> tuple[dict[int, list[float]], str]:
+def _attention(
+    moment: Moment, near: list[int], said: Said, policy: "Policy | str"
+) -> tuple[dict[int, list[float]], str]:
     """How much the robot listened to those of ``near`` that it heard, by head; and why nothing is known of it."""
-    if isinstance(policy, str):
-        return {}, policy
-    if policy.config.taps == 1:
+    if why := _unknowable(moment, policy):
+        return {}, why
+    assert not isinstance(policy, str)
+    if policy.rounds == 0:
         return {}, f"robots with {policy.config.name} do not talk"
-    if moment.obstacles is None:
-        return {}, "the map is not known before the next episode begins"
     nothing = said.payloads is not None and not said.payloads
     if not near or not said.audible or nothing:
         return {}, ""
-    encoding = said.encoding if said.encoding in ENCODINGS else policy.config.encoding
-    spoken = policy.encode(moment.views(near)).messages
-    if said.payloads is not None:
-        left, heard = Counter(said.payloads), []
-        for place, values in enumerate(spoken):
-            data = payload.encode(values, encoding)
-            if left[data] > 0:
-                left[data] -= 1
-                heard.append(place)
-        if left.total():
-            return {}, f"what it heard is not what {policy.config.name} says: do the robots carry another policy?"
-    elif said.preference is None:
-        return {}, "it did not answer"
-    elif said.preference.heard == said.audible == len(near):
-        heard = list(range(len(near)))
-    else:
-        return {}, UNHEARD
-    messages = payload.carried(spoken[heard], encoding)[None]
-    present = np.ones((1, len(heard)), dtype=bool)
-    own = policy.encode(said.view.reshape(1, *OBSERVATION_SHAPE))
-    if said.payloads is None and not _wanted(policy, policy.hear(own, messages, present), said.preference):
-        return {}, UNHEARD
-    weights = policy.attention(own, messages, present)
-    return {near[place]: weights[0, :, column].round(4).tolist() for column, place in enumerate(heard)}, ""
+    if said.payloads is None:
+        return {}, "it did not answer" if said.preference is None else UNHEARD
+    encoding = _encoding(said, policy)
+    left, heard, spoken = Counter(said.payloads), [], _spoken(moment, near, policy)
+    for place, values in enumerate(spoken):
+        data = payload.encode(values, encoding)
+        if left[data] > 0:
+            left[data] -= 1
+            heard.append(place)
+    if left.total():
+        return {}, f"what it heard is not what {policy.config.name} says: do the robots carry another policy?"
+    messages, present = _messages(spoken[heard], encoding)
+    return _by_neighbour(policy, policy.encode(said.view[None]), messages, present, [near[at] for at in heard]), ""
 
 
-def _wanted(policy: "Policy", own: "Encoding", preference: Any) -> bool:
-    """Whether a robot that knows ``own`` after the first round wants what it said; after more, nothing is known."""
-    if policy.rounds > 1:
-        return True
-    [weights] = policy.weights(own)
-    return bool(np.allclose(weights / weights.sum(), np.exp(preference.log_probabilities), atol=_CLOSE))
+def _unknowable(moment: Moment, policy: "Policy | str") -> str:
+    """Why nothing can be computed again; nothing if it can."""
+    if isinstance(policy, str):
+        return policy
+    return "" if moment.obstacles is not None else "the map is not known before the next episode begins"
+
+
+def _encoding(said: Said, policy: "Policy") -> str:
+    return said.encoding if said.encoding in ENCODINGS else policy.config.encoding
+
+
+def _spoken(moment: Moment, near: list[int], policy: "Policy") -> npt.NDArray[np.float32]:
+    """``[len(near), n]`` what those must have said in the first round."""
+    return policy.encode(moment.views(near)).messages
+
+
+def _messages(spoken: npt.NDArray[np.float32], encoding: str) -> tuple[npt.NDArray[np.float32], BoolArray]:
+    """What one robot hears of it, as `Policy.hear` takes it."""
+    return payload.carried(spoken, encoding)[None], np.ones((1, len(spoken)), dtype=bool)
+
+
+def _by_neighbour(
+    policy: "Policy", own: "Encoding", messages: npt.NDArray[np.float32], present: BoolArray, heard: list[int]
+) -> dict[int, list[float]]:
+    """The attention to each of ``heard``, by head."""
+    weights = policy.attention(own, messages, present)[0]
+    return {other: weights[:, column].round(4).tolist() for column, other in enumerate(heard)}

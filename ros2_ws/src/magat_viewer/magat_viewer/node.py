@@ -20,13 +20,14 @@ from magat_interfaces.msg import Feature, FeatureBundle, Observation, Preference
 from magat_node import cdr, qos
 from magat_robot.policy.config import OBSERVATION_SHAPE, ModelError
 from magat_sim.view import fault
-from magat_viewer.detail import UNHEARD, Moment, Said, detail
+from magat_viewer.detail import Fate, Moment, Said, detail
 from magat_viewer.health import Health
 from magat_viewer.state import EpisodeState
 
 if TYPE_CHECKING:
     from magat_robot.policy.policy import Policy
 
+_LOADING = "the policy is being loaded"
 #: Episodes whose results are kept.
 _RESULTS = 50
 #: Ticks of which is kept what was said, while a robot is looked at: more than pass between two looks.
@@ -50,8 +51,8 @@ class _Ear:
 class LiveTeam:
     """The team of a namespace, a `Source`. No robot and no simulator notices whether anybody looks.
 
-    Worlds and statuses are heard always; what robots are told and want, only while people look at one of them; and what
-    they say, only while that is needed to know what those heard (see `magat_viewer.detail`).
+    Worlds and statuses are heard always; what robots are told, only while people look at them; and what robots say and
+    answer, only while that is needed to know what those thought (see `magat_viewer.detail`).
     """
 
     live = True
@@ -75,7 +76,7 @@ class LiveTeam:
         self._world = self._listen(World, "world", qos.reliable(_DEPTH))
         self._status = self._listen(RobotStatus, "robot_status", qos.reliable(_SHARED_DEPTH))
         self._talk: list[Subscription] = []
-        #: Whether features have to be heard, too, to know what the chosen robots heard.
+        #: Whether what robots say and answer has to be heard, to know what the chosen ones thought.
         self._closely = False
         self._ears: dict[str, _Ear] = {}
         self._said: deque[bytes] = deque()
@@ -148,11 +149,13 @@ class LiveTeam:
         for data in reversed(self._ears[name].observations):
             told = deserialize_message(data, Observation)
             if told.episode == state.id and told.tick in worlds and told.tick + 1 in worlds and _usable(told):
-                world = worlds[told.tick]
+                world, after = worlds[told.tick], worlds[told.tick + 1]
                 positions = np.stack([world.x, world.y], axis=1).astype(np.int64)
                 moment = Moment(told.tick, positions, state.goals, state.obstacles)
-                found = detail(robot, moment, self._heard(name, told), self._policy(name))
-                self._closely |= found["why"] == UNHEARD
+                fate = Fate(after.silent[robot], after.missing[robot], after.wanted[robot], told.stream)
+                found = detail(robot, moment, self._heard(name, told, fate), self._policy(name))
+                # Not for a policy that is there in a moment.
+                self._closely |= found["probabilities"] is None and not fate.silent and found["why"] != _LOADING
                 return found
         return None
 
@@ -162,6 +165,8 @@ class LiveTeam:
         if fault(world) is not None:
             return
         if self._episode is None or not self._episode.holds(world):
+            # Without a map nothing can be computed again, and this one brings its own.
+            self._closely &= self._episode is not None and self._episode.obstacles is not None
             self._episode = EpisodeState(self.newest + 1, world)
             self._worlds.clear()
             self._frames.clear()
@@ -174,7 +179,7 @@ class LiveTeam:
             self._results = [*self._results[:-1], self._episode.result()]
 
     def _choose(self, robots: list[str], chosen: set[str]) -> None:
-        """Listen to what those of ``robots`` are told, and, as long as there are any, to what all want (and say)."""
+        """Listen to what those of ``robots`` are told, and to what all say and answer if it has to be."""
         status = self._health.status_of(robots[0])
         relayed = status is not None and status.radio == "relayed"
         self._closely &= bool(chosen)
@@ -187,19 +192,19 @@ class LiveTeam:
             for name, ear in self._ears.items():
                 if len(ear.subscriptions) == 1:
                     ear.subscriptions.append(self._listen(FeatureBundle, f"{name}/heard", qos.newest(_DEPTH)))
-        if chosen and not self._talk:
+        if self._closely and not self._talk:
             most = _TICKS * len(robots)
             self._wished, self._said = deque(maxlen=most), deque(maxlen=most)
             self._talk = [self._listen(Preference, "preference", qos.newest(_SHARED_DEPTH))]
-        elif self._closely and not relayed and len(self._talk) == 1:
-            self._talk.append(self._listen(Feature, "feature", qos.newest(_SHARED_DEPTH)))
-        elif not chosen and self._talk:
+            if not relayed:
+                self._talk.append(self._listen(Feature, "feature", qos.newest(_SHARED_DEPTH)))
+        elif not self._closely and self._talk:
             for subscription in self._talk:
                 self.node.destroy_subscription(subscription)
             self._talk = []
 
-    def _heard(self, robot: str, told: Observation) -> Said:
-        """What one robot heard in the first round of a tick, and what it answered."""
+    def _heard(self, robot: str, told: Observation, fate: Fate) -> Said:
+        """What one robot heard in the first round of a tick, and what it answered, as far as it is listened to."""
         at, audible = (told.episode, told.tick, 0), set(told.audible_tags)
         ear, status = self._ears[robot], self._health.status_of(robot)
         by_tag = {
@@ -215,7 +220,8 @@ class LiveTeam:
         answer = self._answer(told)
         all_came = answer is not None and len(payloads) >= answer.heard
         view = np.frombuffer(told.field_of_view, dtype=np.uint8).reshape(OBSERVATION_SHAPE)
-        return Said(view, len(audible), payloads if all_came else None, status.encoding if status else "", answer)
+        encoding = status.encoding if status else ""
+        return Said(view, len(audible), payloads if all_came else None, encoding, answer, fate)
 
     def _answer(self, told: Observation) -> Preference | None:
         """The preference under the tag of an observation; only messages that hold its bytes are made objects of."""
@@ -233,7 +239,7 @@ class LiveTeam:
         if status is None:
             return "no robot has said yet which policy it carries"
         if status.digest not in self._policies:
-            self._policies[status.digest] = "the policy is being loaded"
+            self._policies[status.digest] = _LOADING
             # It takes seconds, torch's import most of them, in which the page goes on.
             threading.Thread(target=self._load, args=(status,), daemon=True).start()
         return self._policies[status.digest]

@@ -78,15 +78,12 @@ class PageServer:
         """
         self._source, self._host = source, host
         self._socket = listen(host, port)
+        #: That it listens on.
+        self.port = int(self._socket.getsockname()[1])
         self._browsers: set[_Browser] = set()
         self._started, self._ended = threading.Event(), asyncio.Event()
         self._failure: BaseException | None = None
         self._thread = threading.Thread(target=self._run, name="page", daemon=True)
-
-    @property
-    def port(self) -> int:
-        """That it listens on."""
-        return int(self._socket.getsockname()[1])
 
     @property
     def url(self) -> str:

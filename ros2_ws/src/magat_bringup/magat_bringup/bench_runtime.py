@@ -270,9 +270,8 @@ def _by_setting(results: Iterable[tuple[Setting, Speed]], name: str) -> dict[Set
 
 def table(results: Iterable[tuple[Setting, Speed]]) -> Table:
     """The results for people."""
-    result = Table(box=None, pad_edge=False)
-    columns = ("team", "radio", "computes", "ticks", "ticks/s", "p50 ms", "p99 ms", "start s", "MiB/robot",
-               "missing")  # fmt: skip
+    result = Table(caption="MiB: of a robot; missing: messages", caption_justify="left", box=None, pad_edge=False)
+    columns = ("team", "radio", "with", "ticks", "ticks/s", "p50 ms", "p99 ms", "start s", "MiB", "missing")
     for heading in columns:
         result.add_column(heading, justify="right", no_wrap=True)
     for setting, speed in results:

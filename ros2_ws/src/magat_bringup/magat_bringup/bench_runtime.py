@@ -270,7 +270,8 @@ def _by_setting(results: Iterable[tuple[Setting, Speed]], name: str) -> dict[Set
 
 def table(results: Iterable[tuple[Setting, Speed]]) -> Table:
     """The results for people."""
-    result = Table(caption="MiB: of a robot; missing: messages", caption_justify="left", box=None, pad_edge=False)
+    result = Table(box=None, pad_edge=False, collapse_padding=True)
+    result.caption, result.caption_justify = "MiB: of a robot; missing: messages", "left"
     columns = ("team", "radio", "with", "ticks", "ticks/s", "p50 ms", "p99 ms", "start s", "MiB", "missing")
     for heading in columns:
         result.add_column(heading, justify="right", no_wrap=True)

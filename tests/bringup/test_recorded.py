@@ -107,6 +107,18 @@ def test_what_a_robot_thought_follows_from_the_world(simulate, small_policy, nam
     assert looked > 10
 
 
+def test_a_robot_that_is_alone_thinks_too(small_policy):
+    policy = small_policy()
+    moment = Moment(3, np.array([[0, 0], [19, 19]]), np.array([[5, 5], [1, 1]]), np.zeros((20, 20), dtype=bool))
+    [view] = moment.views([0])
+    own = policy.encode(view[None])
+    heard = np.zeros((1, 0, policy.config.message_sizes[0]), dtype=np.float32), np.zeros((1, 0), dtype=bool)
+    decision = policy.decide(policy.hear(own, *heard), np.array([4], dtype=np.uint64), 3)
+    found = detail(0, moment, Said(view, 0, None, "", fate=Fate(False, 0, int(decision.primitives[0]), 4)), policy)
+    assert found["probabilities"] == pytest.approx(np.exp(decision.log_probabilities[0]), abs=1e-4)
+    assert (found["why"], found["neighbours"], found["heard"]) == ("", [], 0)
+
+
 def test_nothing_is_guessed(simulate, small_policy):
     policy = small_policy()
     [episode] = TeamRecording(simulate(policy, episodes=1).bag).all_episodes

@@ -152,7 +152,7 @@ def test_lines_differ_without_colour_by_the_policys_marker_and_style(
 ) -> None:
     monkeypatch.setattr(frontier, "robot_colour", lambda _: "#000000")
     monkeypatch.setattr(Figure, "legend", lambda *_, **__: None)  # which names them
-    for name, value in ({"_LABELS": ((5.0, 5.0),)} | alike).items():
+    for name, value in ({"_LABELS": (6.0,)} | alike).items():
         monkeypatch.setattr(frontier, name, value)
     here, there = ([point(0.5, 0.7, x), point(1.0, 0.8, x)] for x in (0.1, 0.4))
     for name, (one, other) in {"one": (here, there), "other": (there, here)}.items():
@@ -160,13 +160,13 @@ def test_lines_differ_without_colour_by_the_policys_marker_and_style(
     assert (shades(tmp_path / "one.png") != shades(tmp_path / "other.png")).any() == differ
 
 
-def test_each_shield_has_a_picture_beside_the_others(tmp_path: Path) -> None:
+def test_each_shield_has_a_picture_below_the_others(tmp_path: Path) -> None:
     idle, pibt = ([point(0.5, 0.7, x) | {"shield": shield}] for x, shield in ((0.1, "idle"), (0.4, "pibt")))
     frontier.draw(line("a", *idle), tmp_path / "one.png")
     frontier.draw(line("a", *idle) + line("a", *pibt), tmp_path / "two.png")
     one, two = shades(tmp_path / "one.png"), shades(tmp_path / "two.png")
-    assert two.shape[1] > one.shape[1]
-    assert two.shape[0] == one.shape[0]
+    assert two.shape[0] > one.shape[0]
+    assert two.shape[1] == one.shape[1]
 
 
 def test_points_at_the_edge_can_be_drawn(tmp_path: Path) -> None:

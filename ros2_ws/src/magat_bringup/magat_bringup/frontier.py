@@ -24,8 +24,8 @@ TEMPERATURES = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0)
 #: The region to reach, after the paper: at least this alpha, at most this delta_FT.
 TARGET_ALPHA, TARGET_DELTA_FT = 0.97, 0.08
 
-# Where the temperature stands beside its point, in points on paper: elsewhere for each policy.
-_LABELS = ((5.0, 5.0), (5.0, -12.0), (-5.0, 5.0), (-5.0, -12.0))
+# How far above its point the temperature stands, in points on paper: elsewhere for each policy.
+_LABELS = (6.0, 16.0, -13.0, -23.0)
 
 
 def frontier(
@@ -101,14 +101,15 @@ def table(reports: Sequence[Report]) -> Table:
 def draw(reports: Sequence[Report], path: Path) -> None:
     """Draw alpha against delta_FT into the PNG file ``path``: a picture a shield, a line a policy, a point a T."""
     policies, shields = (list(dict.fromkeys(point[name] for point in reports)) for name in ("policy", "shield"))
-    figure = Figure(figsize=(2.0 + 5.0 * len(shields), 5.6), facecolor="white", layout="constrained")
-    pictures = figure.subplots(1, len(shields), sharex=True, sharey=True, squeeze=False)[0]
+    # One above the other: temperatures lie side by side, and their names want room.
+    figure = Figure(figsize=(11.0, 2.0 + 3.0 * len(shields)), facecolor="white", layout="constrained")
+    pictures = figure.subplots(len(shields), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     right = 1.08 * max(TARGET_DELTA_FT, *(point["delta_ft"] + half_width(point) for point in reports))
     bottom = min(TARGET_ALPHA, *(point["alpha_interval"][0] for point in reports))
-    margin = 0.06 * (1.0 - bottom)
+    margin = 0.2 * (1.0 - bottom)
     pictures[0].set(xlim=(min(0.0, *(point["delta_ft"] - half_width(point) for point in reports)), right))
     pictures[0].set(ylim=(bottom - margin, 1.0 + margin))
-    pictures[0].set_ylabel(r"$\alpha$, share of cases in which every robot reaches its goal")
+    figure.supylabel(r"$\alpha$, share of cases in which every robot reaches its goal", fontsize=10)
     for axes, shield in zip(pictures, shields, strict=True):
         target = patches.Rectangle(
             (-1.0, TARGET_ALPHA), 1.0 + TARGET_DELTA_FT, 1.0 - TARGET_ALPHA, hatch="//", facecolor=tint(INK, 0.06),
@@ -120,10 +121,10 @@ def draw(reports: Sequence[Report], path: Path) -> None:
             points = [point for point in reports if (point["policy"], point["shield"]) == (policy, shield)]
             if points:
                 _line(axes, number, points)
-        axes.set_xlabel(r"$\delta_{FT}$, how much longer the ways are than the expert's")
         axes.set_title(f"{shield} shield", loc="left", fontsize=10)
         axes.grid(color=tint(INK, 0.1), linewidth=0.6)
         axes.spines[["top", "right"]].set_visible(False)
+    pictures[-1].set_xlabel(r"$\delta_{FT}$, how much longer the ways are than the expert's")
     figure.suptitle(f"{_title(reports)}\nnumbers at points: sampling temperature T; bars: 95 % intervals", fontsize=10)
     legend(figure)
     figure.savefig(path, format="png", dpi=120)
@@ -140,10 +141,9 @@ def _line(axes: Axes, number: int, points: Sequence[Report]) -> None:
         linestyle=DASHES[number % len(DASHES)], marker=MARKERS[number % len(MARKERS)],
         label=points[0]["policy"].replace("$", r"\$"),
     )  # fmt: skip
-    aside = _LABELS[number % len(_LABELS)]
-    beside: dict[str, Any] = {"xytext": aside, "textcoords": "offset points"}
+    above = _LABELS[number % len(_LABELS)]
+    beside: dict[str, Any] = {"xytext": (0.0, above), "textcoords": "offset points", "ha": "center"}
     beside |= {"path_effects": [patheffects.withStroke(linewidth=2.0, foreground="white")]}
-    beside["ha"] = "left" if aside[0] > 0.0 else "right"
     for x, y, point in zip(delta_ft, alpha, points, strict=True):
         axes.annotate(f"{point['temperature']:g}", (x, y), fontsize=8, color=colour, **beside)
 

@@ -261,9 +261,30 @@ def test_the_papers_numbers_stand_beside_ours() -> None:
     assert f"{sixty} 1.000 (0.990 to 1.000), 50x50 (10) |  |  |" in text
     assert "| delta_FT | same-density | MAGAT-B-32-P4 | below 0.065 | 0.200 ± 0.010, 40x40 (40) |  |  |" in text
     aim = "| MAGAT-B-32-P4 | 0.75 | idle | 0.500 (0.400 to 0.600), 40x40 (40) | 0.200 ± 0.010, 40x40 (40) |"
-    assert f"{aim}  |" in text, "the large set was not measured"
+    assert f"{aim}  | missed |" in text, "the large set was not measured, but what was is not enough"
     assert "p_rg" not in text
     assert "F-32-P4" not in text.split("|", 1)[1]
+
+
+@pytest.mark.parametrize(
+    ("changes", "large", "aim"),
+    [
+        ({}, True, "reached"),
+        ({}, False, ""),
+        ({"alpha": 0.985}, True, "missed"),
+        ({"alpha": 0.985}, False, "missed"),
+        ({"delta_ft": 0.081}, True, "missed"),
+    ],
+)
+def test_whether_the_aim_is_reached_is_told(changes, large, aim) -> None:
+    good = {"policy": "MAGAT-B-32-P4", "alpha": 0.99, "alpha_interval": (0.97, 1.0), "delta_ft": 0.08, "p_rg": 1.0}
+    reports = of_maps("same-density", **good) + of_maps("increasing-density", **good)
+    reports += of_maps("large", **good | {"alpha": 0.95}) if large else []
+    reports[4] |= changes
+    [row] = [
+        line for line in "\n".join(beside_paper(reports)).splitlines() if line.startswith("| MAGAT-B-32-P4 | 0.75")
+    ]
+    assert row.split(" | ")[-1] == f"{aim} |", row
 
 
 def test_what_was_not_measured_as_a_whole_is_not_told() -> None:

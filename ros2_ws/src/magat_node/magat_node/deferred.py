@@ -8,6 +8,10 @@ from rclpy.action import ActionServer
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
 
+#: Results are kept for clients that ask late for so long, seconds. By rclpy's default it is 15 minutes, in which every
+#: change of a goal is told with the states of thousands of others.
+RESULT_TIMEOUT = 10
+
 
 def create_deferred_service(
     node: Node, service_type: type, name: str, handle: Callable[[Any, Callable[[Any], None]], None]
@@ -44,6 +48,7 @@ class DeferredActionServer(ActionServer):
     def __init__(
         self, node: Node, action_type: type, name: str, start: Callable[[ServerGoalHandle], None], **options: object
     ) -> None:
+        options = {"result_timeout": RESULT_TIMEOUT} | options
         super().__init__(node, action_type, name, lambda goal: None, **options)
         self._start = start
 

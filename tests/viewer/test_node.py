@@ -205,6 +205,19 @@ def test_robots_are_listened_to_only_if_what_one_thought_does_not_follow(talk, r
     assert talk.node.count_subscribers("preference") == 0
 
 
+def test_nobody_is_listened_to_for_a_policy_that_robots_will_name_in_a_moment(talk):
+    number = next(EPISODES)
+    names = {"robots": ["carol", "dave"]}
+    show(talk, world(0, episode=number, **names))
+    told = Observation(episode=number, tick=0, own_tag=7, audible_tags=[8], field_of_view=np.zeros(363, np.uint8))
+    talk.say("dave/observation", told, qos.newest(10), {1})
+    talk.say("world", world(1, episode=number, **names), qos.reliable(100), {1})
+    talk.until(lambda: "no robot has said yet" in (talk.team.detail(0, 0, 1) or {"why": ""})["why"], {1})
+    talk.team.poll({1})
+    assert talk.node.count_subscribers("preference") == 0
+    talk.until(lambda: talk.node.count_subscribers("dave/observation") == 0)
+
+
 def test_who_comes_late_listens_until_an_episode_tells_its_map(talk, random_network, tmp_path):
     number = next(EPISODES)
     talk.folders["f" * 64] = tmp_path
@@ -223,8 +236,9 @@ def test_who_comes_late_listens_until_an_episode_tells_its_map(talk, random_netw
 
 
 def test_numbers_that_are_none_do_not_reach_browsers(talk):
-    """Nor before anybody knows which policy alice carries."""
     show(talk, world(0, episode=9))
+    status = RobotStatus(robots=["alice"], policy="MAGAT-F-128", digest="d" * 64, radio="direct")
+    talk.say("robot_status", status, qos.reliable(100), {0})
     for tick in range(2):
         told = Observation(episode=9, tick=tick, own_tag=3, field_of_view=np.zeros(363, dtype=np.uint8))
         talk.say("alice/observation", told, qos.newest(10), {0})

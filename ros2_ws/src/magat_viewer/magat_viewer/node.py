@@ -27,7 +27,8 @@ from magat_viewer.state import EpisodeState
 if TYPE_CHECKING:
     from magat_robot.policy.policy import Policy
 
-_LOADING = "the policy is being loaded"
+#: Why a policy is not known yet, but will be in a moment.
+_UNSAID, _LOADING = "no robot has said yet which policy it carries", "the policy is being loaded"
 #: Episodes whose results are kept.
 _RESULTS = 50
 #: Ticks of which is kept what was said, while a robot is looked at: more than pass between two looks.
@@ -154,8 +155,8 @@ class LiveTeam:
                 moment = Moment(told.tick, positions, state.goals, state.obstacles)
                 fate = Fate(after.silent[robot], after.missing[robot], after.wanted[robot], told.stream)
                 found = detail(robot, moment, self._heard(name, told, fate), self._policy(name))
-                # Not for a policy that is there in a moment.
-                self._closely |= found["probabilities"] is None and not fate.silent and found["why"] != _LOADING
+                soon = found["why"] in (_UNSAID, _LOADING)
+                self._closely |= found["probabilities"] is None and not fate.silent and not soon
                 return found
         return None
 
@@ -237,7 +238,7 @@ class LiveTeam:
         """The policy that ``robot`` carries, or why it is not known (yet)."""
         status = self._health.status_of(robot)
         if status is None:
-            return "no robot has said yet which policy it carries"
+            return _UNSAID
         if status.digest not in self._policies:
             self._policies[status.digest] = _LOADING
             # It takes seconds, torch's import most of them, in which the page goes on.

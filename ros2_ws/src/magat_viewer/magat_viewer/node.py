@@ -200,7 +200,8 @@ class LiveTeam:
             if not relayed:
                 self._talk.append(self._listen(Feature, "feature", qos.newest(_SHARED_DEPTH)))
         elif not self._closely and self._talk:
-            for subscription in self._talk:
+            bundles = [ear.subscriptions.pop() for ear in self._ears.values() if len(ear.subscriptions) > 1]
+            for subscription in (*self._talk, *bundles):
                 self.node.destroy_subscription(subscription)
             self._talk = []
 

@@ -75,9 +75,9 @@ class Speed:
 class _Timed:
     """A team in a ``with`` statement, whose ticks are timed."""
 
-    def __init__(self, setting: Setting, policy: Path, encoding: str = "") -> None:
+    def __init__(self, setting: Setting, policy: Path) -> None:
         """Of ``setting``, carrying ``policy``."""
-        self.setting, self._policy, self._encoding = setting, policy, encoding
+        self.setting, self._policy = setting, policy
         self._stack = ExitStack()
         self._startup = 0.0
 
@@ -90,7 +90,6 @@ class _Timed:
                 TeamFile.numbered(setting.robots, setting.crew),
                 self._policy,
                 radio=setting.radio,
-                encoding=self._encoding,
                 backend=setting.backend,
                 ready_timeout=READY,
                 record=self._folder / "bag" if setting.recorded else None,
@@ -158,13 +157,13 @@ class _Timed:
         return self._client.run(goal, note)
 
 
-def measure(setting: Setting, policy: Path, ticks: int, encoding: str = "") -> Speed:
+def measure(setting: Setting, policy: Path, ticks: int) -> Speed:
     """Run episodes on a team of ``setting``, which nobody views, for at least ``ticks`` ticks.
 
     Raises:
         TeamError: the team cannot be started, or does not come together.
     """
-    with _Timed(setting, policy, encoding) as team:
+    with _Timed(setting, policy) as team:
         return team.time(ticks)
 
 

@@ -1,7 +1,8 @@
 """What the suites share: the settings of hypothesis, random worlds, networks that look trained."""
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,8 +31,8 @@ def random_case() -> Callable:
 @pytest.fixture(scope="session")
 def random_team(random_case: Callable) -> Callable:
     """Draws a simulator of several worlds, and what its robots see and hear at the start."""
-    from magat_sim.episode import episode_streams
     from magat_sim.simulator import Observation, Simulator
+    from magat_sim.streams import episode_streams
 
     def draw(rng: np.random.Generator, *robots: int, side: int = 12) -> Observation:
         cases = [random_case(rng, side, side, count) for count in robots]
@@ -114,3 +115,52 @@ def small_policy(random_network: Callable) -> Callable:
         return made[key]
 
     return policy
+
+
+@pytest.fixture
+def policies(tmp_path: Path, random_network: Callable) -> dict[str, Path]:
+    """Two policies."""
+    from magat_robot.policy.store import save
+
+    folders = {name: tmp_path / "models" / name for name in ("first", "second")}
+    for seed, folder in enumerate(folders.values()):
+        save(random_network("MAGAT-F-16", seed=seed), folder, "# card\n")
+    return folders
+
+
+@pytest.fixture(scope="session")
+def needs_chromium() -> None:
+    """Skips where there is no browser; `.ci/run` installs one."""
+    from magat_viewer.browser import BrowserError, find_chromium
+
+    try:
+        find_chromium()
+    except BrowserError as error:
+        pytest.skip(f"no browser test: {error}")
+
+
+@pytest.fixture
+def one_thread() -> Iterator[None]:
+    """What one robot computes is small: threads would only wait for each other."""
+    import torch
+
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+@pytest.fixture
+def simulate(random_case: Callable, tmp_path: Path, one_thread: None) -> Callable:
+    """Runs a team in this process, and writes the bag ``tmp_path / "bag"``, see `simulate_team`."""
+    from simulated_team import simulate_team
+
+    return lambda policy, *args, **options: simulate_team(policy, random_case, tmp_path / "bag", *args, **options)
+
+
+@pytest.fixture(scope="session")
+def solved() -> list:
+    """Eight small cases with the expert's solutions, quick to solve, learn and play; crowded enough to need others."""
+    from magat_evaluation.cases import solved_cases
+
+    return list(solved_cases(range(8), workers=1, width=9, height=9, robots=5, density=0.15))

@@ -70,9 +70,8 @@ export ROS_DISTRO={distribution} ROS_VERSION=2 ROS_PYTHON_VERSION=3
 
 COMMAND_SCRIPT = """\
 #!/bin/bash
-# Written by tools/setup.py: the magat command, from any folder.
-source {setup}
-exec {python} -m magat_bringup "$@"
+# Written by tools/setup.py: the magat command, from any folder. It sources the workspace itself where it needs ROS.
+exec {python} -m magat_cli "$@"
 """
 
 
@@ -294,8 +293,7 @@ def pybind11_folder() -> str:
 def write_command() -> None:
     """Put the `magat` command beside Python, where activating .venv finds it."""
     command = VENV / "bin" / "magat"
-    setup = shlex.quote(str(WORKSPACE / "install" / "setup.bash"))
-    command.write_text(COMMAND_SCRIPT.format(setup=setup, python=shlex.quote(str(PYTHON))))
+    command.write_text(COMMAND_SCRIPT.format(python=shlex.quote(str(PYTHON))))
     command.chmod(0o755)
 
 
@@ -333,6 +331,15 @@ def build() -> None:
     else:
         command = f"source {shlex.quote(str(VENV / 'setup.bash'))} && {command}"
     run(["bash", "-c", command], environment)
+    write_module_paths()
+
+
+def write_module_paths() -> None:
+    """Let .venv's Python import the workspace's modules without sourcing it: what computes needs no ROS."""
+    modules = [path.parent for path in WORKSPACE.glob("src/*/setup.py")]
+    built = [path.parent.parent for path in WORKSPACE.glob("install/*/**/_core*.so")]
+    site_packages = Path(ask_python("sysconfig.get_path('purelib')", "sysconfig"))
+    (site_packages / "magat.pth").write_text("".join(f"{path}\n" for path in sorted({*modules, *built})))
 
 
 if __name__ == "__main__":

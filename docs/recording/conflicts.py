@@ -5,9 +5,9 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 
-from magat_bringup.analysis import TeamRecording
-from magat_bringup.attention import links, preference_for
-from magat_bringup.models import policy_of_digest
+from magat_recording.attention import links, preference_for
+from magat_recording.tables import TeamRecording
+from magat_robot.policy.models import policy_of_digest
 from magat_robot.policy.store import load
 
 recording = TeamRecording(Path(sys.argv[1]))

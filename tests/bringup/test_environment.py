@@ -9,7 +9,6 @@ from unittest import mock
 import pytest
 
 from magat_bringup import discovery
-from magat_bringup.cli import main
 from magat_bringup.environment import (
     DOMAINS,
     LOOPBACK,
@@ -22,6 +21,7 @@ from magat_bringup.environment import (
     network_for,
     own_domain,
 )
+from magat_cli.main import main
 
 #: What a shell may say that would lead messages elsewhere.
 ELSEWHERE = {
@@ -89,7 +89,7 @@ def test_a_domain_is_one_runs_alone():
 
 
 def test_a_shell_takes_the_environment_as_it_is_printed():
-    command = f'eval "$({sys.executable} -m magat_bringup env --domain 21 --server localhost --tools)" && env -0'
+    command = f'eval "$({sys.executable} -m magat_cli env --domain 21 --server localhost --tools)" && env -0'
     printed = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True, timeout=60).stdout
     said = dict(line.split("=", 1) for line in printed.split("\0") if line)
     assert said.items() >= Network(21, "localhost").tool_variables.items()

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from magat_bringup.processes import TeamError, TeamProcesses
+from magat_bringup.processes import TeamProcesses
 from magat_bringup.team import Command, TeamFile, TeamPlan
-from magat_robot.processes import RESTARTS
+from magat_node.errors import TeamError
+from magat_robot.forked import RESTARTS
 
 
 @dataclass(frozen=True)

@@ -21,12 +21,12 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 
-from magat_bringup.cli import main
 from magat_bringup.environment import loopback, own_domain
-from magat_bringup.models import find_policy
 from magat_bringup.processes import TeamProcesses
 from magat_bringup.team import ENVIRONMENT, Command, TeamFile, TeamFileError, TeamPlan
+from magat_cli.main import main
 from magat_robot.policy.config import ModelError
+from magat_robot.policy.models import find_policy
 
 SHARE = Path(get_package_share_directory("magat_bringup"))
 POLICY = "MAGAT-F-128"
@@ -272,7 +272,7 @@ def test_magat_run_and_the_launch_file_start_the_same(team_file, params, tmp_pat
     options = [part for name, value in chosen.items() for part in (f"--{name.replace('_', '-')}", value)]
     with (
         mock.patch.dict(os.environ),
-        mock.patch("magat_bringup.execution._exported", return_value=find_policy(POLICY) / "onnx"),
+        mock.patch("magat_cli.verb.export.exported_policy", return_value=find_policy(POLICY)),
         mock.patch("magat_viewer.address.free_port", return_value=8300),
         mock.patch("magat_bringup.run.TeamProcesses", side_effect=NotStartedError) as processes,
         pytest.raises(NotStartedError),

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from magat_robot.policy.backends import load_policy
 from magat_robot.policy.config import ModelError
-from magat_robot.policy.deployment import load_policy
 from magat_robot.policy.export import export, exported
 from magat_robot.policy.interface import RobotPolicy
 from magat_robot.policy.onnx_policy import OnnxPolicy
@@ -32,7 +32,7 @@ def folder(request: pytest.FixtureRequest, random_network: Callable, tmp_path_fa
 
 def said(policy: RobotPolicy, view: np.ndarray, heard: np.ndarray) -> list[bytes]:
     """All that robots send and decide."""
-    own = policy.encode(view)
+    own = policy.perceive(view)
     result = []
     for _ in policy.config.message_sizes:
         result.append(own.messages.tobytes())
@@ -66,12 +66,12 @@ def test_a_policy_loaded_before_a_fork_decides_after_it(folder: Path, random_tea
 import os, pickle, sys
 from pathlib import Path
 import numpy as np
-from magat_robot.policy.deployment import load_policy, preload
+from magat_robot.policy.backends import load_policy, preload
 folder, backend = Path({str(folder)!r}), {backend!r}
 preload(folder, backend, encoding="int8")
 view = pickle.loads({pickle.dumps(team.field_of_view)!r})
 def decide(policy):
-    own = policy.encode(view)
+    own = policy.perceive(view)
     for _ in policy.config.message_sizes:
         own = policy.hear(own, own.messages[:, None], np.ones((3, 1), dtype=bool))
     return policy.decide(own, np.arange(3, dtype=np.uint64), 5).weights.tobytes()
@@ -90,15 +90,15 @@ raise SystemExit(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))
 
 def test_an_observation_of_another_kind_is_refused(folder: Path) -> None:
     with pytest.raises(ValueError, match="shape"):
-        OnnxPolicy(folder).encode(np.zeros((1, 3, 9, 9), np.uint8))
+        OnnxPolicy(folder).perceive(np.zeros((1, 3, 9, 9), np.uint8))
     with pytest.raises(ValueError, match="not 2"):
-        OnnxPolicy(folder).encode(np.full((1, 3, 11, 11), 2, np.uint8))
+        OnnxPolicy(folder).perceive(np.full((1, 3, 11, 11), 2, np.uint8))
 
 
 def test_it_needs_no_torch(folder: Path) -> None:
     program = (
         "import sys; from pathlib import Path; from magat_robot.crew import Crew; "
-        "from magat_robot.policy.deployment import load_policy; "
+        "from magat_robot.policy.backends import load_policy; "
         f"load_policy(Path({str(folder)!r}), 'onnx'); sys.exit('torch' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
@@ -142,7 +142,7 @@ def test_only_what_is_a_matter_of_deployment_can_be_changed(folder: Path) -> Non
 
 def test_echo_robots_send_messages_of_the_right_size_and_walk_at_random(folder: Path) -> None:
     echo = load_policy(folder, "echo")
-    own = echo.encode(np.zeros((500, 3, 11, 11), np.uint8))
+    own = echo.perceive(np.zeros((500, 3, 11, 11), np.uint8))
     for size in echo.config.message_sizes:
         assert own.messages.shape == (500, size)
         own = echo.hear(own, own.messages[:, None], np.ones((500, 1), bool))

@@ -66,7 +66,7 @@ def test_other_names_are_refused_with_examples(name: str) -> None:
     [
         ("MAGAT-F-128", 2, 1, (128,)),
         ("MAGAT-B-32-P4", 2, 1, (32,)),
-        # From the second hop on: x, and what the hops before brought, head by head. The next layer's x is of all heads.
+        # From the second hop on: x, and what earlier hops aggregated, by head. The next layer's x is of all heads.
         ("MAGAT-F-32-P4", 3, 1, (32, 32 + 4 * 32)),
         ("MAGAT-F-8-P3", 4, 2, (8, 8 + 24, 8 + 24, 24, 24 + 72, 24 + 72)),
         ("GAT-B-16", 3, 2, (16, 32, 16, 32)),

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from magat_robot.crew import Answer, Crew, Message, Sight
+from magat_robot.crew import Answer, Crew, Message, ReceivedObservation
 from magat_robot.exchange import MOST_MESSAGES
 from magat_robot.policy.policy import Policy
 
@@ -46,10 +46,12 @@ class Log:
         size = [(rng.random((8, n)) * 8 * 64).astype(int) / 64 for n in policy.config.message_sizes]
         self.others = [values.astype("<f4") for values in size]
 
-    def sight(self, robot: int, tick: int = 0, audible: Sequence[int] = (), episode: int = EPISODE) -> Sight:
+    def sight(
+        self, robot: int, tick: int = 0, audible: Sequence[int] = (), episode: int = EPISODE
+    ) -> ReceivedObservation:
         """What a robot is told; it sends under its number + 1000 * (tick + 1)."""
         tag = robot + 1000 * (tick + 1)
-        return Sight(episode, tick, robot, tag, frozenset(audible), self.views[robot].tobytes())
+        return ReceivedObservation(episode, tick, robot, tag, frozenset(audible), self.views[robot].tobytes())
 
     def see(self, robot: int, tick: int = 0, audible: Sequence[int] = (), episode: int = EPISODE) -> bool:
         return self.crew.see(robot, self.sight(robot, tick, audible, episode))
@@ -68,7 +70,7 @@ class Log:
 
     def expected(self, robot: int, *heard: Sequence[int], tick: int = 0) -> tuple[list[float], int]:
         """What the robot decides when it hears those strangers, round by round."""
-        own = self.policy.encode(self.views[robot : robot + 1])
+        own = self.policy.perceive(self.views[robot : robot + 1])
         for number, strangers in enumerate(heard):
             values = self.others[number][list(strangers)][None]
             own = self.policy.hear(own, values, np.ones(values.shape[:2], bool))

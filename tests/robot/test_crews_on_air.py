@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from magat_robot.crew import Answer, Crew, Message, Sight
+from magat_robot.crew import Answer, Crew, Message, ReceivedObservation
 from magat_robot.policy.config import ENCODINGS
 from magat_robot.policy.payload import carried, encoded_bytes
 from magat_robot.policy.policy import Decision, Policy
@@ -77,7 +77,7 @@ class Team:
             crew, number = self.crew_of(robot)
             audible = frozenset(self.tags[j] for j in hears)
             view = observation.field_of_view[robot].tobytes()
-            sight = Sight(EPISODE, tick, int(observation.streams[robot]), self.tags[robot], audible, view)
+            sight = ReceivedObservation(EPISODE, tick, int(observation.streams[robot]), self.tags[robot], audible, view)
             see = partial(self.crews[crew].see, number, sight)
             self.pending.append(Delivery("sight", robot, deliver=see))
         while self.pending or self._deadline():
@@ -145,7 +145,7 @@ def reference(
     policy: Policy, observation: Observation, heard: Sequence[Sequence[Sequence[int]]], tick: int
 ) -> Decision:
     """As `Policy.decide_together`, but each robot hears others in each round: ``heard[round][robot]`` lists them."""
-    own = policy.encode(observation.field_of_view)
+    own = policy.perceive(observation.field_of_view)
     for lists in heard:
         places = max(map(len, lists), default=0)
         rows = np.array([[*row, *[-1] * (places - len(row))] for row in lists], np.int64).reshape(len(lists), places)

@@ -12,7 +12,7 @@ import pytest
 import torch
 
 from magat_robot.policy.graph import GraphAttention, GraphConvolution, GraphLayer, MessageAwareAttention
-from magat_robot.policy.network import PolicyNetwork, Thought
+from magat_robot.policy.network import NodeState, PolicyNetwork
 
 Matrix = list[list[float]]
 
@@ -164,21 +164,21 @@ def test_a_team_decides_as_in_the_paper(made: Callable, kind: str, type_and_size
 def test_k_rounds_bring_the_features_shifted_k_times(made: Callable, kind: str) -> None:
     network = made(kind, "F-3-P4", taps=4)
     view, heard, rows = team(7)
-    thought, present = network.look(view), heard >= 0
-    X = thought.x.tolist()
+    state, present = network.look(view), heard >= 0
+    X = state.x.tolist()
     heads = [Head(network.layers[0], p) for p in range(4)]
     expected = [powers(head.shift(X, rows), X, 3) for head in heads]
     for hops in (1, 2, 3):
-        thought = network.hear(thought, network.message(thought)[heard.clamp_min(0)], present)
+        state = network.hear(state, network.message(state)[heard.clamp_min(0)], present)
         if hops == 3:
-            break  # the layer is left, and what was brought is used up
-        assert thought.brought is not None
-        brought = thought.brought.expand(-1, 4, -1).transpose(0, 1).tolist()
-        assert np.array(brought) == pytest.approx(np.array([powers[hops] for powers in expected]), abs=1e-12)
-        message = network.message(thought)
+            break  # the layer is left, and what was aggregated is used up
+        assert state.aggregated is not None
+        aggregated = state.aggregated.expand(-1, 4, -1).transpose(0, 1).tolist()
+        assert np.array(aggregated) == pytest.approx(np.array([powers[hops] for powers in expected]), abs=1e-12)
+        message = network.message(state)
         # E is the same in every round: the receivers weigh x anew, where there is something to weigh.
-        parts = [] if kind.startswith("GNN") else [thought.x]
-        own = thought.brought.flatten(1)
+        parts = [] if kind.startswith("GNN") else [state.x]
+        own = state.aggregated.flatten(1)
         assert torch.equal(message, torch.cat([*parts, own], dim=1))
 
 
@@ -229,15 +229,15 @@ def test_later_rounds_bring_what_others_heard_weighed_by_the_same_attention(
     different = 1 if kind.startswith("GNN") else layer.heads
     values = torch.rand(6, 5, different, layer.inputs, generator=torch.Generator().manual_seed(2)).double()
     messages = values.flatten(2) if kind.startswith("GNN") else torch.cat([keys, values.flatten(2)], dim=2)
-    brought = layer.receive(x, messages, present).detach().expand(-1, layer.heads, -1)
+    aggregated = layer.receive(x, messages, present).detach().expand(-1, layer.heads, -1)
     for i in range(6):
         for p in range(layer.heads):
             weights = Head(layer, p).weights(x[i].tolist(), keys[i, present[i]].tolist())
             heard = values[i, present[i], p % different].tolist()
             expected = [sum(w * v[f] for w, v in zip(weights, heard, strict=True)) for f in range(layer.inputs)]
-            assert brought[i, p].numpy() == pytest.approx(expected, abs=1e-12)
+            assert aggregated[i, p].numpy() == pytest.approx(expected, abs=1e-12)
     # GNN's messages are all of one kind; the others must not be taken for those of a first round.
-    assert messages.shape[2] == layer.message(x, brought[:, :different]).shape[1]
+    assert messages.shape[2] == layer.message(x, aggregated[:, :different]).shape[1]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -247,11 +247,11 @@ def test_without_neighbours_only_the_own_term_is_left(made: Callable, kind: str,
     X = network.look(view).x.tolist()
     expected = np.array(layer_by_hand(network.layers[0], X, [[]] * 6))
     for places in (0, 3):
-        thought = network.look(view)
+        state = network.look(view)
         present = torch.zeros(6, places, dtype=torch.bool)
         for number in network.config.message_sizes:
-            thought = network.hear(thought, torch.ones(6, places, number, dtype=torch.float64), present)
-        assert thought.x.detach().numpy() == pytest.approx(expected, abs=1e-12)
+            state = network.hear(state, torch.ones(6, places, number, dtype=torch.float64), present)
+        assert state.x.detach().numpy() == pytest.approx(expected, abs=1e-12)
     assert expected.max() > 0.1
 
 
@@ -273,10 +273,10 @@ def test_heads_are_independent_and_stand_one_after_the_other(
     view, heard, _ = team(9)
 
     def fused() -> torch.Tensor:
-        thought = network.look(view)
+        state = network.look(view)
         for _ in range(network.rounds):
-            thought = network.hear(thought, network.message(thought)[heard.clamp_min(0)], heard >= 0)
-        return thought.x
+            state = network.hear(state, network.message(state)[heard.clamp_min(0)], heard >= 0)
+        return state.x
 
     before = fused()
     with torch.no_grad():
@@ -292,9 +292,9 @@ def test_only_the_bottleneck_carries_the_robots_own_features_past_the_exchange(m
         network = made(kind, size)
         assert network.hidden.in_features == width
 
-        def logits(thought: Thought, network: PolicyNetwork = network) -> torch.Tensor:
-            messages = network.message(thought)[heard.clamp_min(0)]
-            return network.logits(network.hear(thought, messages, heard >= 0))
+        def logits(state: NodeState, network: PolicyNetwork = network) -> torch.Tensor:
+            messages = network.message(state)[heard.clamp_min(0)]
+            return network.logits(network.hear(state, messages, heard >= 0))
 
         seen = network.look(view)
         other = replace(seen, features=torch.ones_like(seen.features))
@@ -304,23 +304,23 @@ def test_only_the_bottleneck_carries_the_robots_own_features_past_the_exchange(m
 @pytest.mark.parametrize("name", ["MAGAT-B-32", "GNN_baseline-F-32"])
 def test_looking_gives_128_features_and_num_features_to_send(random_network: Callable, name: str) -> None:
     network = random_network(name)
-    thought = network.look((torch.rand(4, 3, 11, 11) < 0.2).float())
-    assert thought.features.shape == (4, 128)
-    assert network.message(thought).shape == thought.x.shape == (4, 32)
+    state = network.look((torch.rand(4, 3, 11, 11) < 0.2).float())
+    assert state.features.shape == (4, 128)
+    assert network.message(state).shape == state.x.shape == (4, 32)
 
 
 def test_what_each_round_sends_has_the_size_that_the_configuration_says(
     random_network: Callable, variant: dict
 ) -> None:
     network = random_network(**variant)
-    thought = network.look((torch.rand(3, 3, 11, 11) < 0.2).float())
+    state = network.look((torch.rand(3, 3, 11, 11) < 0.2).float())
     sent = []
     for _ in range(network.rounds):
-        message = network.message(thought)
+        message = network.message(state)
         sent.append(message.shape[1])
-        thought = network.hear(thought, message[None].expand(3, -1, -1), torch.ones(3, 3, dtype=torch.bool))
+        state = network.hear(state, message[None].expand(3, -1, -1), torch.ones(3, 3, dtype=torch.bool))
     assert tuple(sent) == network.config.message_sizes
-    assert network.logits(thought).shape == (3, 5)
+    assert network.logits(state).shape == (3, 5)
 
 
 def test_every_weight_can_be_learned(random_network: Callable, variant: dict) -> None:

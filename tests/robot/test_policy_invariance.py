@@ -10,8 +10,8 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from magat_robot.policy.network import Thought
-from magat_robot.policy.policy import Decision, Encoding, Policy
+from magat_robot.policy.network import NodeState
+from magat_robot.policy.policy import Decision, LatentState, Policy
 from magat_sim.simulator import Observation
 
 seeds = st.integers(0, 2**32 - 1)
@@ -21,9 +21,9 @@ def bits(*arrays: np.ndarray) -> list[bytes]:
     return [array.tobytes() for array in arrays]
 
 
-def known(own: Encoding) -> list[bytes]:
+def known(own: LatentState) -> list[bytes]:
     """All that robots know and send, bit by bit."""
-    values = [getattr(own.thought, field.name) for field in fields(Thought)]
+    values = [getattr(own.state, field.name) for field in fields(NodeState)]
     return bits(own.messages, *(value.numpy() for value in values if isinstance(value, torch.Tensor)))
 
 
@@ -31,20 +31,20 @@ def decided(policy: Policy, observation: Observation, tick: int = 0) -> Decision
     return policy.decide_together(observation.field_of_view, observation.heard, observation.streams, tick)
 
 
-def exchanged(policy: Policy, observation: Observation) -> list[Encoding]:
+def exchanged(policy: Policy, observation: Observation) -> list[LatentState]:
     """What a team knows before the first round of messages and after each."""
-    result = [policy.encode(observation.field_of_view)]
+    result = [policy.perceive(observation.field_of_view)]
     for _ in range(policy.rounds):
         messages = result[-1].messages[np.maximum(observation.heard, 0)]
         result.append(policy.hear(result[-1], messages, observation.heard >= 0))
     return result
 
 
-def part(own: Encoding, rows: slice | np.ndarray) -> Encoding:
+def part(own: LatentState, rows: slice | np.ndarray) -> LatentState:
     """What some robots of a team know."""
-    values = {field.name: getattr(own.thought, field.name) for field in fields(Thought)}
+    values = {field.name: getattr(own.state, field.name) for field in fields(NodeState)}
     rows_of = {name: value[rows] if isinstance(value, torch.Tensor) else value for name, value in values.items()}
-    return Encoding(Thought(**rows_of), own.messages[rows])
+    return LatentState(NodeState(**rows_of), own.messages[rows])
 
 
 def reordered(observation: Observation, order: np.ndarray) -> Observation:
@@ -97,7 +97,7 @@ def test_a_robot_that_computes_alone_from_messages_alone_gets_the_bits_of_the_wh
     team, decisions = exchanged(policy, observation), decided(policy, observation, 3)
     for robot, row in enumerate(observation.heard):
         here, heard = slice(robot, robot + 1), row[row >= 0]
-        own = policy.encode(observation.field_of_view[here])
+        own = policy.perceive(observation.field_of_view[here])
         for before, after in itertools.pairwise(team):
             assert known(own) == known(part(before, here))
             # It hears its neighbours in another order each time, and knows nothing of places that stay empty.
@@ -114,9 +114,9 @@ def test_a_team_of_more_than_one_chunk_gets_the_bits_of_its_parts(
     view = random_team(np.random.default_rng(5), *[60] * 5).field_of_view
     assert len(view) == 300
     policy = small_policy(**variant)
-    whole = policy.encode(view)
+    whole = policy.perceive(view)
     for begin, end in ((0, 7), (7, 256), (256, 260), (260, 300)):
-        assert known(part(whole, slice(begin, end))) == known(policy.encode(view[begin:end]))
+        assert known(part(whole, slice(begin, end))) == known(policy.perceive(view[begin:end]))
 
 
 @pytest.mark.parametrize("name", ["MAGAT-F-128", "GAT-B-64-P2", "GNN_baseline-F-128"])
@@ -126,7 +126,7 @@ def test_networks_of_full_size_are_exact_too(random_team: Callable, random_netwo
     team, decisions = exchanged(policy, observation), decided(policy, observation)
     for robot in (0, 7, 19):
         row, here = observation.heard[robot], slice(robot, robot + 1)
-        own = policy.encode(observation.field_of_view[here])
+        own = policy.perceive(observation.field_of_view[here])
         for before, after in itertools.pairwise(team):
             messages = before.messages[row[row >= 0]][None, ::-1]
             own = policy.hear(own, messages, np.ones(messages.shape[:2], bool))
@@ -172,7 +172,7 @@ def test_neither_the_order_of_messages_nor_empty_places_matter_in_any_round(
 
 def test_a_robot_that_hears_nobody_still_decides(random_team: Callable, small_policy: Callable, variant: dict) -> None:
     policy = small_policy(**variant)
-    seen = policy.encode(random_team(np.random.default_rng(1), 6).field_of_view)
+    seen = policy.perceive(random_team(np.random.default_rng(1), 6).field_of_view)
 
     def weights(places: int, present: bool) -> np.ndarray:
         own = seen

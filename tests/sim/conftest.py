@@ -6,26 +6,26 @@ import numpy as np
 import pytest
 
 from magat_sim.case import Case
-from magat_sim.episode import episode_streams
 from magat_sim.simulator import Simulator
+from magat_sim.streams import episode_streams
 
 MOVES = {0: (0, 0), 1: (0, 1), 2: (0, -1), 3: (-1, 0), 4: (1, 0)}
 Cells = Sequence[tuple[int, int]]
 
 
-def faults(obstacles: np.ndarray, before: np.ndarray, wanted: Sequence[int], after: np.ndarray) -> list[str]:
-    """What is wrong with a step of a team: collisions, jumps, moves that nobody wanted, needless waits."""
+def faults(obstacles: np.ndarray, before: np.ndarray, actions: Sequence[int], after: np.ndarray) -> list[str]:
+    """What is wrong with a step of a team: collisions, jumps, moves that nobody actions, needless waits."""
     height, width = obstacles.shape
     old, new = (list(map(tuple, np.asarray(cells).tolist())) for cells in (before, after))
     found = []
     for i, (here, there) in enumerate(zip(old, new, strict=True)):
-        dx, dy = MOVES[int(wanted[i])]
+        dx, dy = MOVES[int(actions[i])]
         wish = (here[0] + dx, here[1] + dy)
         free = 0 <= wish[0] < width and 0 <= wish[1] < height and not obstacles[wish[1], wish[0]]
         if not (0 <= there[0] < width and 0 <= there[1] < height) or obstacles[there[1], there[0]]:
             found.append(f"robot {i} is on {there}, an obstacle or off the map")
         if there not in (here, wish):
-            found.append(f"robot {i} went from {here} to {there}, and wanted {wish}")
+            found.append(f"robot {i} went from {here} to {there}, and actions {wish}")
         if there == here != wish and free and wish not in new:
             found.append(f"robot {i} was kept from {wish}, and nobody is there")
         for j in range(i):

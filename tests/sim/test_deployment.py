@@ -2,13 +2,13 @@
 
 import pytest
 
-from magat_sim.deployment import Deployment, Order, Report
+from magat_sim.deployment import Deployment, Order, RobotReport
 
 NUMBER = 5
-BEFORE = Report(0, 0, "")
-PREPARED = Report(0, NUMBER, "")
-REFUSED = Report(0, NUMBER, "it is too long")
-SWITCHED = Report(NUMBER, NUMBER, "")
+BEFORE = RobotReport(0, 0, "")
+PREPARED = RobotReport(0, NUMBER, "")
+REFUSED = RobotReport(0, NUMBER, "it is too long")
+SWITCHED = RobotReport(NUMBER, NUMBER, "")
 
 
 @pytest.fixture
@@ -16,7 +16,7 @@ def deployment() -> Deployment:
     return Deployment(NUMBER, ["a", "b", "c"], now=100.0, patience=10.0)
 
 
-def report(deployment: Deployment, **said: Report) -> None:
+def report(deployment: Deployment, **said: RobotReport) -> None:
     for name, what in said.items():
         deployment.reported([name], what)
 

@@ -5,10 +5,10 @@ import math
 import numpy as np
 
 from magat_sim.case import Case
-from magat_sim.episode import episode_streams
 from magat_sim.grid import Primitive
 from magat_sim.measures import EpisodeMeasures, Flowtime
 from magat_sim.simulator import Simulator
+from magat_sim.streams import episode_streams
 
 IDLE, UP, DOWN, LEFT, RIGHT = Primitive
 BEST = Flowtime(4, 5)
@@ -18,9 +18,9 @@ def played(starts: list, goals: list, t_max: int, wishes: list, best: Flowtime |
     """The measures after ``wishes``, which must last exactly until the world is done."""
     case = Case(np.zeros((2, 4), dtype=bool), np.array(starts), np.array(goals))
     simulator = Simulator([case], [t_max], [episode_streams(0, 0, len(starts))])
-    for wanted in wishes:
+    for actions in wishes:
         assert not simulator.done
-        simulator.step(wanted)
+        simulator.step(actions)
     assert simulator.done
     return simulator.measures([best])[0]
 

@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from magat_sim.case import Case
-from magat_sim.episode import episode_streams
 from magat_sim.grid import DELTAS, Primitive
 from magat_sim.shield import (
     MEMORY,
@@ -22,7 +21,8 @@ from magat_sim.shield import (
     pibt_shield,
     ranking,
 )
-from magat_sim.simulator import Rules, Simulator, Wishes
+from magat_sim.simulator import Actions, Rules, Simulator
+from magat_sim.streams import episode_streams
 
 IDLE, UP, DOWN, LEFT, RIGHT = Primitive
 PIBT = Rules(shield="pibt")
@@ -36,7 +36,7 @@ def reference(scene: Scene, memory: bool) -> list[int]:
 
     def rank(i: int, a: int) -> tuple[bool, float, int]:
         returns = int(scene.returns[i, a]) if memory and not scene.silent[i] else 0
-        return a != scene.wanted[i] or returns > 0, RETURN_PENALTY * returns - float(scene.log_probabilities[i, a]), a
+        return a != scene.actions[i] or returns > 0, RETURN_PENALTY * returns - float(scene.log_probabilities[i, a]), a
 
     ranked = [sorted(range(5), key=lambda a, i=i: rank(i, a)) for i in range(len(scene.place))]
     order = sorted(range(len(scene.place)), key=lambda i: (not scene.silent[i], -scene.waited[i], scene.draw[i]))
@@ -83,7 +83,7 @@ def random_scene(rng: np.random.Generator, side: int, robots: int, density: floa
         leads=leads,
         free=~grid.reshape(-1)[leads],
         ahead=occupant[leads],
-        wanted=np.where(silent, IDLE, rng.integers(5, size=len(place))),
+        actions=np.where(silent, IDLE, rng.integers(5, size=len(place))),
         log_probabilities=rng.choice([-0.1, -1.0, -2.5, -20.0], size=(len(place), 5)).astype(np.float32),
         silent=silent,
         waited=rng.integers(4, size=len(place)),
@@ -158,7 +158,7 @@ class Scenes(list[Scene]):
 
     def __call__(self, scene: Scene) -> np.ndarray:
         self.append(scene)
-        return scene.wanted
+        return scene.actions
 
 
 def test_what_counts_as_a_return(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -195,7 +195,7 @@ def test_with_memory_a_robot_leaves_a_pocket_that_it_would_go_to_and_fro_in() ->
         while not simulator.done:
             distance = np.abs(simulator.position[0] + DELTAS - simulator.goal[0]).sum(axis=1)
             liking = -distance - 0.1 * (np.arange(5) == IDLE)
-            simulator.step(Wishes([int(liking.argmax())], [liking]))
+            simulator.step(Actions([int(liking.argmax())], [liking]))
         ticks[shield] = simulator.tick
     assert ticks["pibt"] == 60
     assert ticks["pibt-memory"] < 30
@@ -211,15 +211,15 @@ def test_in_the_simulator_nobody_collides_either(
     simulator = Simulator([case], [15], [episode_streams(seed, 0, case.robots)], PIBT)
     while not simulator.done:
         before = simulator.position.copy()
-        wanted, liking = rng.integers(5, size=case.robots), rng.normal(size=(case.robots, 5))
+        actions, liking = rng.integers(5, size=case.robots), rng.normal(size=(case.robots, 5))
         silent = rng.random(case.robots) < 0.2
-        step = simulator.step(Wishes(wanted, liking, silent))
-        # Judged as if each had wanted what it made: who waits may do so on purpose, but nothing else may be wrong.
+        step = simulator.step(Actions(actions, liking, silent))
+        # Judged as if each had actions what it made: who waits may do so on purpose, but nothing else may be wrong.
         assert [f for f in judge(case.obstacles, before, step.moved, simulator.position) if "was kept" not in f] == []
         moved = (before != simulator.position).any(axis=1)
         assert ((step.moved != IDLE) == moved).all()
         assert not moved[silent].any()
-        said = np.where(silent, IDLE, wanted)
+        said = np.where(silent, IDLE, actions)
         assert step.blocked.tolist() == ((said != IDLE) & (said != step.moved)).tolist()
 
 
@@ -232,7 +232,7 @@ def line(starts: list, goals: list, width: int = 5, height: int = 1) -> Simulato
 def test_a_robot_on_its_goal_is_pushed_aside_by_one_that_has_not_arrived() -> None:
     simulator = line([(0, 0), (1, 0)], [(4, 0), (1, 0)])
     simulator.step([IDLE, IDLE])
-    step = simulator.step(Wishes([RIGHT, IDLE], [[-9, -9, -9, -9, 0], ALIKE]))
+    step = simulator.step(Actions([RIGHT, IDLE], [[-9, -9, -9, -9, 0], ALIKE]))
     assert step.moved.tolist() == [RIGHT, RIGHT]
     assert step.blocked.tolist() == [False, False], "it drew no move that was blocked"
 
@@ -244,7 +244,7 @@ def test_who_has_been_away_from_its_goal_for_longest_goes_first() -> None:
         simulator = line(starts, goals)
         simulator.step([IDLE, IDLE])
         liking = [[-1, -9, -9, -9, 0], [-1, -9, -9, 0, -9]]
-        assert simulator.step(Wishes([RIGHT, LEFT], liking)).moved.tolist() == late
+        assert simulator.step(Actions([RIGHT, LEFT], liking)).moved.tolist() == late
 
 
 def test_among_equals_the_episodes_generator_decides() -> None:
@@ -262,7 +262,7 @@ def test_of_two_that_would_swap_one_gives_way_into_a_bay() -> None:
     case = Case(obstacles, np.array([(0, 0), (1, 0)]), np.array([(2, 0), (1, 0)]))
     simulator = Simulator([case], [9], [episode_streams(1, 0, 2)], PIBT)
     simulator.step([IDLE, IDLE])
-    step = simulator.step(Wishes([RIGHT, LEFT], [[-2, -9, -9, -9, 0], [-3, -4, -9, 0, -5]]))
+    step = simulator.step(Actions([RIGHT, LEFT], [[-2, -9, -9, -9, 0], [-3, -4, -9, 0, -5]]))
     assert step.moved.tolist() == [RIGHT, UP]
     assert step.blocked.tolist() == [False, True]
 
@@ -271,7 +271,7 @@ def test_a_silent_robot_is_not_pushed_and_those_behind_it_look_for_another_way()
     simulator = line([(0, 0), (1, 0)], [(4, 0), (1, 0)], height=2)
     simulator.step([IDLE, IDLE])  # now the other one has waited for longer
     liking = [[-2, -1, -9, -9, 0], ALIKE]
-    step = simulator.step(Wishes([RIGHT, IDLE], liking, [False, True]))
+    step = simulator.step(Actions([RIGHT, IDLE], liking, [False, True]))
     assert step.moved.tolist() == [UP, IDLE]
     assert step.blocked.tolist() == [True, False]
 
@@ -286,7 +286,7 @@ def test_without_log_probabilities_all_are_alike() -> None:
     wishes = [RIGHT, IDLE]
     moved = [
         line([(0, 0), (1, 0)], [(4, 0), (1, 0)]).step(one).moved.tolist()
-        for one in (wishes, Wishes(wishes, [ALIKE] * 2))
+        for one in (wishes, Actions(wishes, [ALIKE] * 2))
     ]
     assert moved[0] == moved[1]
 
@@ -294,12 +294,12 @@ def test_without_log_probabilities_all_are_alike() -> None:
 @pytest.mark.parametrize(
     ("wishes", "said"),
     [
-        (Wishes([0, 0], [[0] * 5]), r"log-probabilities of shape \(1, 5\)"),
-        (Wishes([0, 0], [[0] * 4] * 2), r"log-probabilities of shape \(2, 4\)"),
-        (Wishes([0, 0], None, [True]), r"silent of shape \(1,\)"),
+        (Actions([0, 0], [[0] * 5]), r"log-probabilities of shape \(1, 5\)"),
+        (Actions([0, 0], [[0] * 4] * 2), r"log-probabilities of shape \(2, 4\)"),
+        (Actions([0, 0], None, [True]), r"silent of shape \(1,\)"),
     ],
 )
-def test_wishes_of_another_shape_are_refused(wishes: Wishes, said: str) -> None:
+def test_wishes_of_another_shape_are_refused(wishes: Actions, said: str) -> None:
     with pytest.raises(ValueError, match=said):
         line([(0, 0), (1, 0)], [(4, 0), (1, 0)]).step(wishes)
 

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from magat_sim.episode import episode_streams
 from magat_sim.grid import Primitive
 from magat_sim.simulator import Simulator
+from magat_sim.streams import episode_streams
 
 IDLE, UP, DOWN, LEFT, RIGHT = Primitive
 seeds = st.integers(0, 2**32 - 1)
@@ -27,13 +27,13 @@ def test_random_wishes_never_collide_and_nobody_waits_in_vain(
     simulator = Simulator([case], [25], [episode_streams(seed, 0, case.robots)])
     while not simulator.done:
         before = simulator.position.copy()
-        wanted = rng.integers(5, size=case.robots)
-        step = simulator.step(wanted)
+        actions = rng.integers(5, size=case.robots)
+        step = simulator.step(actions)
         after = simulator.position
-        assert judge(case.obstacles, before, wanted, after) == []
+        assert judge(case.obstacles, before, actions, after) == []
         moved = (before != after).any(axis=1)
-        assert step.moved.tolist() == np.where(moved, wanted, 0).tolist()
-        assert step.blocked.tolist() == (~moved & (wanted != 0)).tolist()
+        assert step.moved.tolist() == np.where(moved, actions, 0).tolist()
+        assert step.blocked.tolist() == (~moved & (actions != 0)).tolist()
 
 
 @settings(max_examples=120)
@@ -47,15 +47,15 @@ def test_a_joint_move_without_conflicts_passes_unchanged(
     scout, simulator = (Simulator([case], [20], [stream]) for stream in streams)
     while not scout.done:
         # What a shield let through is a joint move without conflicts.
-        wanted = scout.step(rng.integers(5, size=case.robots)).moved
-        step = simulator.step(wanted)
-        assert step.moved.tolist() == wanted.tolist()
+        actions = scout.step(rng.integers(5, size=case.robots)).moved
+        step = simulator.step(actions)
+        assert step.moved.tolist() == actions.tolist()
         assert not step.blocked.any()
         assert simulator.position.tolist() == scout.position.tolist()
 
 
 @pytest.mark.parametrize(
-    ("starts", "wanted"),
+    ("starts", "actions"),
     [
         pytest.param([(0, 0), (1, 0), (2, 0)], [RIGHT, RIGHT, RIGHT], id="a row follows its head"),
         pytest.param([(0, 0), (1, 0), (1, 1), (0, 1)], [RIGHT, UP, LEFT, DOWN], id="four turn left"),
@@ -68,46 +68,46 @@ def test_a_joint_move_without_conflicts_passes_unchanged(
         pytest.param([(1, 1), (1, 2), (2, 2)], [RIGHT, DOWN, LEFT], id="each into the cell that another leaves"),
     ],
 )
-def test_following_and_rotating_are_legal(arena: Callable, starts: list, wanted: list) -> None:
-    assert arena(4, 4, starts).step(wanted).moved.tolist() == wanted
+def test_following_and_rotating_are_legal(arena: Callable, starts: list, actions: list) -> None:
+    assert arena(4, 4, starts).step(actions).moved.tolist() == actions
 
 
-@pytest.mark.parametrize(("starts", "wanted"), [([(1, 1), (2, 1)], [RIGHT, LEFT]), ([(2, 3), (2, 2)], [DOWN, UP])])
-def test_two_that_would_swap_both_idle(arena: Callable, starts: list, wanted: list) -> None:
+@pytest.mark.parametrize(("starts", "actions"), [([(1, 1), (2, 1)], [RIGHT, LEFT]), ([(2, 3), (2, 2)], [DOWN, UP])])
+def test_two_that_would_swap_both_idle(arena: Callable, starts: list, actions: list) -> None:
     for number in range(20):
-        step = arena(4, 4, starts, number=number).step(wanted)
+        step = arena(4, 4, starts, number=number).step(actions)
         assert step.moved.tolist() == [IDLE, IDLE]
         assert step.blocked.all()
 
 
 @pytest.mark.parametrize(
-    ("start", "wanted"),
+    ("start", "actions"),
     [((0, 1), LEFT), ((3, 1), RIGHT), ((1, 2), UP), ((1, 0), DOWN), ((1, 1), RIGHT), ((2, 2), DOWN)],
 )
 def test_obstacles_and_the_edges_of_the_map_stop_a_robot(
-    arena: Callable, start: tuple[int, int], wanted: Primitive
+    arena: Callable, start: tuple[int, int], actions: Primitive
 ) -> None:
     simulator = arena(4, 3, [start], obstacles=[(2, 1)])
-    step = simulator.step([wanted])
+    step = simulator.step([actions])
     assert step.moved.tolist() == [IDLE]
     assert step.blocked.tolist() == [True]
     assert simulator.position.tolist() == [list(start)]
 
 
 @pytest.mark.parametrize(
-    ("starts", "wanted"),
+    ("starts", "actions"),
     [
         pytest.param([(0, 1), (2, 1)], [RIGHT, LEFT], id="two"),
         pytest.param([(0, 1), (2, 1), (1, 0), (1, 2)], [RIGHT, LEFT, UP, DOWN], id="four"),
     ],
 )
 def test_one_of_those_who_want_a_free_cell_gets_it_and_each_wins_equally_often(
-    arena: Callable, starts: list, wanted: list
+    arena: Callable, starts: list, actions: list
 ) -> None:
     rounds = 400
     winners = Counter()
     for number in range(rounds):
-        moved = arena(3, 3, starts, number=number).step(wanted).moved
+        moved = arena(3, 3, starts, number=number).step(actions).moved
         assert (moved != IDLE).sum() == 1
         winners[int(np.flatnonzero(moved)[0])] += 1
     expected = rounds / len(starts)

@@ -8,17 +8,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from magat_sim.case import Case
-from magat_sim.episode import episode_streams
 from magat_sim.grid import Primitive
 from magat_sim.measures import Flowtime
 from magat_sim.rollout import run, run_recorded
 from magat_sim.simulator import Observation, Rules, Simulator
+from magat_sim.streams import episode_streams
 
 IDLE, UP, DOWN, LEFT, RIGHT = Primitive
 
 
 def decide(observation: Observation) -> np.ndarray:
-    """Wishes that hang on all a robot knows, and on nothing else."""
+    """Actions that hang on all a robot knows, and on nothing else."""
     heard = (observation.heard >= 0).sum(axis=1).astype(np.uint64)
     place = np.arange(1, 3 * 121 + 1, dtype=np.uint64).reshape(3, 11, 11)
     seen = (observation.field_of_view * place).sum(axis=(1, 2, 3)).astype(np.uint64)
@@ -46,8 +46,8 @@ def test_ragged_worlds_in_one_batch_go_as_each_goes_alone(random_case: Callable,
     alone = [simulator_of([case], [t], [n]) for n, (case, t) in enumerate(zip(cases, t_max, strict=True))]
     while not together.done:
         observation = together.observe()
-        wanted = decide(observation)
-        step = together.step(wanted)
+        actions = decide(observation)
+        step = together.step(actions)
         row = 0
         for world, single in enumerate(alone):
             if not single.done:
@@ -57,13 +57,13 @@ def test_ragged_worlds_in_one_batch_go_as_each_goes_alone(random_case: Callable,
                 assert observation.streams[rows].tolist() == theirs.streams.tolist()
                 assert observation.tick == theirs.tick
                 assert heard_lists(observation.heard[rows], row) == heard_lists(theirs.heard, 0)
-                assert wanted[rows].tolist() == decide(theirs).tolist()
-                single_step = single.step(wanted[rows])
+                assert actions[rows].tolist() == decide(theirs).tolist()
+                single_step = single.step(actions[rows])
                 assert step.moved[rows].tolist() == single_step.moved.tolist()
                 assert step.blocked[rows].tolist() == single_step.blocked.tolist()
                 row = rows.stop
             assert together.position[together.world == world].tolist() == single.position.tolist()
-        assert row == len(wanted)
+        assert row == len(actions)
     assert all(single.done for single in alone)
     best = [Flowtime(5, 6)] * worlds
     assert together.measures(best) == [single.measures(best[:1])[0] for single in alone]
@@ -137,16 +137,16 @@ def test_nothing_is_left_to_see_or_to_do_in_worlds_that_are_done() -> None:
     simulator = simulator_of([case], [7], [0])
     assert simulator.done
     assert simulator.observe().field_of_view.shape == (0, 3, 11, 11)
-    with pytest.raises(ValueError, match="wanted"):
+    with pytest.raises(ValueError, match="actions"):
         simulator.step([UP])
     assert run_recorded(simulator, decide).tolist() == [[[0, 0]]]
 
 
-@pytest.mark.parametrize("wanted", [[0], [0, 0, 0], [[0, 0]], [0, 5], [-1, 0], []])
-def test_wishes_that_are_no_primitives_are_refused_and_change_nothing(arena: Callable, wanted: list) -> None:
+@pytest.mark.parametrize("actions", [[0], [0, 0, 0], [[0, 0]], [0, 5], [-1, 0], []])
+def test_wishes_that_are_no_primitives_are_refused_and_change_nothing(arena: Callable, actions: list) -> None:
     simulator = arena(4, 4, [(0, 0), (2, 2)])
-    with pytest.raises(ValueError, match="wanted"):
-        simulator.step(wanted)
+    with pytest.raises(ValueError, match="actions"):
+        simulator.step(actions)
     assert simulator.tick == 0
     assert simulator.position.tolist() == [[0, 0], [2, 2]]
 

@@ -4,20 +4,20 @@ import numpy as np
 import pytest
 
 from magat_sim.case import draw_case
-from magat_sim.episode import episode_streams
 from magat_sim.grid import Primitive
 from magat_sim.radio import neighbours
 from magat_sim.simulator import Rules
-from magat_sim.ticks import Episode, Wish
+from magat_sim.streams import episode_streams
+from magat_sim.ticks import DistributedEpisode, ReceivedPreference
 
 ROBOTS = 6
 ALL = np.ones(ROBOTS, dtype=bool)
 
 
 @pytest.fixture
-def episode() -> Episode:
+def episode() -> DistributedEpisode:
     case = draw_case(5, 0, 12, 12, ROBOTS)
-    return Episode(case, 50, episode_streams(5, 0, ROBOTS))
+    return DistributedEpisode(case, 50, episode_streams(5, 0, ROBOTS))
 
 
 def test_sights_are_what_the_simulator_shows(episode):
@@ -40,7 +40,7 @@ def test_audible_tags_are_those_of_the_neighbours_that_are_present(episode):
 
 def test_lost_links_are_not_announced_and_are_those_of_the_simulator():
     case = draw_case(5, 0, 12, 12, ROBOTS)
-    episode, whole = (Episode(case, 50, episode_streams(5, 0, ROBOTS), Rules(loss)) for loss in (0.5, 0.0))
+    episode, whole = (DistributedEpisode(case, 50, episode_streams(5, 0, ROBOTS), Rules(loss)) for loss in (0.5, 0.0))
     fewer = 0
     for _ in range(10):
         heard = episode.simulator.observe().heard
@@ -63,10 +63,10 @@ def test_answers_move_their_own_robots_and_the_silent_stay(episode):
     sights = episode.look(ALL)
     before = episode.simulator.position.copy()
     for robot in (2, 0):
-        assert episode.answer(sights[robot].own_tag, Wish(Primitive.UP, 0, 100)) is None
+        assert episode.answer(sights[robot].own_tag, ReceivedPreference(Primitive.UP, 0, 100)) is None
     np.testing.assert_array_equal(episode.answered, [True, False, True, False, False, False])
     outcome = episode.advance()
-    np.testing.assert_array_equal(outcome.wanted, [1, 0, 1, 0, 0, 0])
+    np.testing.assert_array_equal(outcome.actions, [1, 0, 1, 0, 0, 0])
     np.testing.assert_array_equal(outcome.silent, ~np.array([True, False, True, False, False, False]))
     np.testing.assert_array_equal(episode.simulator.position[[1, 3, 4, 5]], before[[1, 3, 4, 5]])
     assert episode.silent == 4
@@ -77,7 +77,7 @@ def test_missing_features_are_those_announced_and_not_fused(episode):
     sights = episode.look(ALL)
     audible = [len(sight.audible_tags) for sight in sights]
     for sight, count in zip(sights, audible, strict=True):
-        episode.answer(sight.own_tag, Wish(0, max(count - 1, 0), 1))
+        episode.answer(sight.own_tag, ReceivedPreference(0, max(count - 1, 0), 1))
     episode.advance()
     assert episode.features_missing == sum(count > 0 for count in audible) > 0
 
@@ -85,11 +85,11 @@ def test_missing_features_are_those_announced_and_not_fused(episode):
 def test_nonsense_is_dropped_and_the_robot_may_still_answer(episode):
     old = episode.look(ALL)[0].own_tag
     tag = episode.look(ALL)[0].own_tag
-    assert "not given out" in str(episode.answer(old, Wish(0, 0, 0)))
-    assert "primitive 5" in str(episode.answer(tag, Wish(5, 0, 0)))
-    assert episode.answer(tag, Wish(0, 0, 0)) is None
-    assert "second" in str(episode.answer(tag, Wish(1, 0, 0)))
-    assert episode.advance().wanted[0] == 0
+    assert "not given out" in str(episode.answer(old, ReceivedPreference(0, 0, 0)))
+    assert "primitive 5" in str(episode.answer(tag, ReceivedPreference(5, 0, 0)))
+    assert episode.answer(tag, ReceivedPreference(0, 0, 0)) is None
+    assert "second" in str(episode.answer(tag, ReceivedPreference(1, 0, 0)))
+    assert episode.advance().actions[0] == 0
 
 
 def test_what_is_relayed_reaches_the_neighbours_that_are_present(episode):
@@ -116,7 +116,7 @@ def test_what_is_relayed_is_as_much_as_was_announced(episode):
 def test_relaying_draws_nothing_from_the_streams_of_robots_and_shield():
     case = draw_case(5, 0, 12, 12, ROBOTS)
     streams = [episode_streams(5, 0, ROBOTS) for _ in range(2)]
-    direct, relayed = (Episode(case, 50, own) for own in streams)
+    direct, relayed = (DistributedEpisode(case, 50, own) for own in streams)
     for _ in range(10):
         for run in (direct, relayed):
             sights = run.look(ALL)
@@ -125,7 +125,7 @@ def test_relaying_draws_nothing_from_the_streams_of_robots_and_shield():
             if run is relayed:
                 assert sum(len(bundle.payloads) for bundle in run.relayed()) > ROBOTS
             for robot, sight in enumerate(sights):
-                run.answer(sight.own_tag, Wish(robot % 5, 0, 0))
+                run.answer(sight.own_tag, ReceivedPreference(robot % 5, 0, 0))
             run.advance()
         np.testing.assert_array_equal(relayed.simulator.position, direct.simulator.position)
         assert streams[0].shield.bit_generator.state == streams[1].shield.bit_generator.state

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from magat_sim.episode import episode_streams
 from magat_sim.measures import Flowtime, walk_measures
 from magat_sim.simulator import Simulator
+from magat_sim.streams import episode_streams
 
 
 @given(seed=st.integers(0, 2**32 - 1), robots=st.integers(1, 4), t_max=st.integers(0, 30), solved=st.booleans())

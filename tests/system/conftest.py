@@ -12,13 +12,13 @@ import yaml
 
 from magat_bringup.client import EpisodeClient, EpisodeOutcome
 from magat_bringup.environment import LOOPBACK, Network, own_domain
-from magat_bringup.models import find_policy
 from magat_bringup.processes import TeamProcesses
 from magat_bringup.team import Command, TeamFile, TeamPlan
+from magat_evaluation.splits import SET_SEED
 from magat_interfaces.action import RunEpisode
 from magat_interfaces.msg import RobotStatus
 from magat_node import qos
-from magat_training.cases import SET_SEED
+from magat_robot.policy.models import find_policy
 
 
 @dataclass(frozen=True)

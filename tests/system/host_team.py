@@ -11,9 +11,10 @@ from typing import Any
 
 from magat_bringup.client import EpisodeClient
 from magat_bringup.environment import network_for
-from magat_bringup.processes import TeamError, TeamProcesses
+from magat_bringup.processes import TeamProcesses
 from magat_bringup.team import TeamFile, TeamPlan
 from magat_interfaces.action import RunEpisode
+from magat_node.errors import TeamError
 
 #: Of the result, what tests look at.
 MEASURES = ("ticks", "t_max", "makespan", "success", "flowtime", "moves_blocked", "silent", "features_missing")

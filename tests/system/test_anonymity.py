@@ -6,10 +6,10 @@ import inspect
 
 import pytest
 
+from magat_evaluation.splits import SPLITS
 from magat_interfaces.msg import Feature, FeatureBundle, Observation
 from magat_node import qos
 from magat_robot.node import RobotNode
-from magat_training.cases import SPLITS
 
 pytestmark = pytest.mark.system
 

@@ -13,12 +13,12 @@ import pytest
 
 from magat_bringup.client import EpisodeClient
 from magat_bringup.environment import loopback, own_domain
-from magat_bringup.processes import TeamError
+from magat_evaluation.splits import SPLITS
 from magat_interfaces.action import RunEpisode
 from magat_interfaces.msg import Feature, FeatureBundle, Observation, Preference, RobotStatus
 from magat_interfaces.srv import SolveMapf
 from magat_node import cdr, qos
-from magat_training.cases import SPLITS
+from magat_node.errors import TeamError
 
 pytestmark = pytest.mark.system
 

@@ -12,15 +12,16 @@ from rclpy.action import ActionClient
 from rich.console import Console
 
 from magat_bringup.deploy import deploy
-from magat_bringup.models import find_policy
+from magat_evaluation.cases import solved_cases
+from magat_evaluation.planners import run_policy, simulator_for
+from magat_evaluation.splits import SPLITS
 from magat_interfaces.action import DeployPolicy
 from magat_interfaces.msg import PolicyFile, RobotStatus
 from magat_node import qos
 from magat_robot.policy.config import ModelError
 from magat_robot.policy.folder import read_files, read_folder
+from magat_robot.policy.models import find_policy
 from magat_robot.policy.store import load, save
-from magat_training.cases import SPLITS, solved_cases
-from magat_training.evaluate import run_policy, simulator_for
 
 pytestmark = pytest.mark.system
 

@@ -11,8 +11,8 @@ import psutil
 import pytest
 
 from magat_bringup.environment import LOOPBACK, Network
-from magat_bringup.processes import TeamError
-from magat_training.cases import SPLITS
+from magat_evaluation.splits import SPLITS
+from magat_node.errors import TeamError
 
 pytestmark = pytest.mark.system
 
@@ -62,7 +62,7 @@ def test_the_server_dies_with_its_team(tmp_path):
     environment = {k: v for k, v in os.environ.items() if k != "_ROS_WHEELS_BOOTSTRAP_COMPLETE"}
     command = ["run", "--robots", "2", "--episodes", "500", "--interface", "lo", "--output", str(tmp_path)]
     with subprocess.Popen(
-        [sys.executable, "-m", "magat_bringup", *command], env=environment, stdout=subprocess.DEVNULL
+        [sys.executable, "-m", "magat_cli", *command], env=environment, stdout=subprocess.DEVNULL
     ) as run:
         try:
             wait_for(lambda: servers_of(run.pid))

@@ -10,14 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from magat_evaluation.cases import solved_cases
+from magat_evaluation.planners import simulator_for
+from magat_evaluation.splits import SPLITS
 from magat_interfaces.msg import Observation, Preference
 from magat_node import qos
 from magat_robot.policy.store import load, save
 from magat_sim.measures import EpisodeMeasures, expert_flowtime
 from magat_sim.rollout import run
-from magat_sim.simulator import DEFAULT_RULES, Rules, Wishes
-from magat_training.cases import SPLITS, solved_cases
-from magat_training.evaluate import simulator_for
+from magat_sim.simulator import DEFAULT_RULES, Actions, Rules
 
 pytestmark = pytest.mark.system
 
@@ -57,7 +58,7 @@ def batched() -> Callable[..., list[Walk]]:
             world = simulator.world[simulator.active]
             for number in np.unique(world):
                 weighed[number].append(sorted(row.tobytes() for row in decision.log_probabilities[world == number]))
-            return Wishes(decision.primitives, decision.log_probabilities)
+            return Actions(decision.primitives, decision.log_probabilities)
 
         run(simulator, decide, lambda after: positions.append(after.position.copy()))
         measures = simulator.measures([expert_flowtime(s.paths, s.case.goals) for s in solved])
@@ -169,7 +170,7 @@ def test_so_do_crews_whose_messages_travel_several_hops_and_one_that_dies_takes_
     with start_team(6, policy=policy, radio="relayed", crew=2, encoding="float16", respawn=False) as team:
         for index in range(2):
             outcome = team.run_undisturbed(team.goal(CASES[index], **size))
-            # Four rounds: x, x and what two heads brought, and the same of the second layer, whose x is of two heads.
+            # Four rounds: x, x and the aggregates of two heads; then the same for layer two, whose x has two heads.
             assert_same(outcome, walks[index], feature_bytes=4 * 36 + 2 * (16 + 3 * 16 + 32 + 3 * 32))
         victims = []
 

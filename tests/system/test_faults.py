@@ -12,9 +12,9 @@ import pytest
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 
-from magat_bringup.models import find_policy
+from magat_evaluation.splits import SPLITS
 from magat_expert import check_paths
-from magat_training.cases import SPLITS
+from magat_robot.policy.models import find_policy
 
 pytestmark = pytest.mark.system
 

@@ -24,12 +24,13 @@ import numpy as np
 import pytest
 
 from magat_bringup.environment import Network
+from magat_evaluation.cases import solved_cases
+from magat_evaluation.planners import simulator_for
+from magat_evaluation.splits import SET_SEED, SPLITS
 from magat_expert import check_paths
 from magat_robot.policy.store import load
 from magat_sim.measures import expert_flowtime
 from magat_sim.rollout import run
-from magat_training.cases import SET_SEED, SPLITS, solved_cases
-from magat_training.evaluate import simulator_for
 
 pytestmark = [pytest.mark.system, pytest.mark.faults, pytest.mark.timeout(300)]
 
@@ -210,8 +211,8 @@ def plain_environment() -> dict[str, str]:
 
 def start_robots(hosts: Hosts, host: int, names: list[str], policy: Path, *told: str) -> None:
     """Start a host's robots by hand, as docs/deployment.md has it; they die with the hosts."""
-    join = f"{sys.executable} -m magat_bringup env --domain {DOMAIN} --server {hosts.address(CENTRE)}"
-    robots = [sys.executable, "-m", "magat_robot.processes", "--policy", str(policy), *names, "--ros-args"]
+    join = f"{sys.executable} -m magat_cli env --domain {DOMAIN} --server {hosts.address(CENTRE)}"
+    robots = [sys.executable, "-m", "magat_robot.forked", "--policy", str(policy), *names, "--ros-args"]
     parameters = [part for parameter in told for part in ("-p", parameter)]
     start = f'eval "$({join})" && exec {shlex.join([*robots, *parameters])}'
     hosts.start(host, ["bash", "-c", start], plain_environment())
@@ -335,7 +336,7 @@ def test_magat_run_waits_for_robots_of_other_hosts_behind_their_firewalls(policy
         "--domain",
         str(DOMAIN),
     ]
-    command = [sys.executable, "-m", "magat_bringup", "run", *options, "--interface", "eth0", "--output", str(tmp_path)]
+    command = [sys.executable, "-m", "magat_cli", "run", *options, "--interface", "eth0", "--output", str(tmp_path)]
     with Hosts(3) as hosts:
         for host in range(3):
             hosts.allow_ports(host, range(12650, 13150))  # what docs/deployment.md says

@@ -14,12 +14,12 @@ import rclpy
 from rclpy.parameter import Parameter
 
 from magat_bringup.environment import own_domain
-from magat_bringup.processes import TeamError
+from magat_evaluation.splits import SPLITS
 from magat_expert import check_paths
+from magat_node.errors import TeamError
+from magat_robot.forked import _carrying
+from magat_robot.forked import main as robots
 from magat_robot.node import RobotNode
-from magat_robot.processes import _carrying
-from magat_robot.processes import main as robots
-from magat_training.cases import SPLITS
 
 pytestmark = pytest.mark.system
 
@@ -197,7 +197,7 @@ def _until_missed(team):
 def _magat(*arguments: str) -> subprocess.Popen:
     environment = {k: v for k, v in os.environ.items() if k != "_ROS_WHEELS_BOOTSTRAP_COMPLETE"}
     return subprocess.Popen(
-        [sys.executable, "-m", "magat_bringup", *arguments],
+        [sys.executable, "-m", "magat_cli", *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -216,7 +216,7 @@ def _team_processes(folder) -> list[int]:
             command = " ".join(process.cmdline())
         except (OSError, psutil.Error):
             continue
-        if any(v.startswith(mark) for v in variables) and "magat_bringup" not in command and command:
+        if any(v.startswith(mark) for v in variables) and "magat_cli" not in command and command:
             found.append(process.pid)
     return found
 

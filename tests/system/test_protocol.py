@@ -66,13 +66,13 @@ def test_topics_have_the_types_and_reliability_of_the_page(team_of, radio, row):
 
 def test_services_and_actions_are_those_of_the_page(team):
     node = team.client.node
-    wanted = {full_name(name): kind for name, kind, *_ in rows("Services and actions")}
+    actions = {full_name(name): kind for name, kind, *_ in rows("Services and actions")}
 
     def found():
         return dict(node.get_service_names_and_types()) | dict(get_action_names_and_types(node))
 
-    assert team.client.spin(lambda: wanted.keys() <= found().keys(), 20.0)
-    assert {name: found()[name][0] for name in wanted} == wanted
+    assert team.client.spin(lambda: actions.keys() <= found().keys(), 20.0)
+    assert {name: found()[name][0] for name in actions} == actions
 
 
 @pytest.mark.parametrize("radio", ["direct", "relayed"])

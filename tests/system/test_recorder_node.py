@@ -10,12 +10,12 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import Empty
 
-from magat_bringup.bag import read_bag
 from magat_bringup.environment import own_domain
-from magat_bringup.recorder import RecorderNode
-from magat_bringup.topics import READY
 from magat_interfaces.msg import Observation, RobotStatus
 from magat_node import qos
+from magat_node.topics import READY
+from magat_recording.bag import read_bag
+from magat_recording.recorder import RecorderNode
 
 pytestmark = pytest.mark.system
 

@@ -19,18 +19,18 @@ from rich.console import Console
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import Empty
 
-from magat_bringup.analysis import TeamRecording
-from magat_bringup.bag import BagError, bag_files, read_bag, recover
-from magat_bringup.cli import main
 from magat_bringup.deploy import deploy
 from magat_bringup.environment import LOOPBACK, Network, loopback, own_domain
-from magat_bringup.models import find_policy
-from magat_bringup.processes import TeamError
-from magat_bringup.topics import READY
+from magat_cli.main import main
+from magat_evaluation.splits import SPLITS
 from magat_interfaces.msg import Deployment, World
 from magat_node import qos
+from magat_node.errors import TeamError
+from magat_node.topics import READY
+from magat_recording.bag import BagError, bag_files, read_bag, recover
+from magat_recording.tables import TeamRecording
 from magat_robot.policy.folder import read_files
-from magat_training.cases import SPLITS
+from magat_robot.policy.models import find_policy
 
 pytestmark = pytest.mark.system
 
@@ -43,7 +43,7 @@ SAME = ("success", "success_strict", "delta_ft", "delta_ft_strict", "p_rg", "flo
 def magat(*arguments: object, environment: dict[str, str] | None = None) -> subprocess.Popen[str]:
     inherited = {k: v for k, v in os.environ.items() if k != "_ROS_WHEELS_BOOTSTRAP_COMPLETE"}
     return subprocess.Popen(
-        [sys.executable, "-m", "magat_bringup", *map(str, arguments)],
+        [sys.executable, "-m", "magat_cli", *map(str, arguments)],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from magat_bringup.models import find_policy
+from magat_evaluation.cases import solve_cases
+from magat_evaluation.planners import evaluate
+from magat_robot.policy.models import find_policy
 from magat_robot.policy.store import load
 from magat_sim.case import draw_case
 from magat_sim.movingai import write_case
-from magat_training.cases import solve_cases
-from magat_training.evaluate import evaluate
 
 pytestmark = pytest.mark.system
 
@@ -26,7 +26,7 @@ def test_a_team_walks_the_cases_of_the_files_as_the_batched_simulator_does(tmp_p
     files = ["--map", tmp_path / "field.map", "--scen", tmp_path / "6.scen", tmp_path / "7.scen"]
     options = ["--robots", "6", "--crew", "3", "--radio", "relayed", "--seed", "5", "--output", tmp_path / "out"]
     environment = {name: value for name, value in os.environ.items() if name != "_ROS_WHEELS_BOOTSTRAP_COMPLETE"}
-    command = [sys.executable, "-m", "magat_bringup", "run", *map(str, [*files, *options])]
+    command = [sys.executable, "-m", "magat_cli", "run", *map(str, [*files, *options])]
     ran = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=100)
     assert ran.returncode == 0, ran.stdout + ran.stderr
     assert "Cases on field.map" in ran.stdout

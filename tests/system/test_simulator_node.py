@@ -8,9 +8,9 @@ from magat_bringup.environment import own_domain
 from magat_interfaces.msg import Feature, Observation
 from magat_node import cdr
 from magat_sim.case import draw_case
-from magat_sim.episode import episode_streams
 from magat_sim.node import SimulatorNode
-from magat_sim.ticks import Episode
+from magat_sim.streams import episode_streams
+from magat_sim.ticks import DistributedEpisode
 
 NAMES = ["a", "b", "c", "d"]
 EPISODE = 7
@@ -48,7 +48,10 @@ def simulator():
         node._send, node._relay_to = ([Recorder() for _ in NAMES] for _ in range(2))
         node.destroy_timer(node._relay_deadline)
         node._relay_deadline = Recorder()
-        node._episode, node._episode_id = Episode(draw_case(1, 0, 5, 5, 4), 9, episode_streams(1, 0, 4)), EPISODE
+        node._episode, node._episode_id = (
+            DistributedEpisode(draw_case(1, 0, 5, 5, 4), 9, episode_streams(1, 0, 4)),
+            EPISODE,
+        )
         for member in node._team.members[:3]:
             member.join()
         node._look()

@@ -14,12 +14,12 @@ import pytest
 import rclpy
 
 from magat_bringup.client import EpisodeOutcome
-from magat_bringup.view import live_page
+from magat_evaluation.splits import SPLITS
 from magat_sim.radio import neighbours
-from magat_training.cases import SPLITS
 from magat_viewer.address import HOST, free_port
-from magat_viewer.detail import Moment
+from magat_viewer.detail import TeamSnapshot
 from magat_viewer.follower import Follower
+from magat_viewer.serve import live_page
 
 pytestmark = pytest.mark.system
 
@@ -80,7 +80,7 @@ def test_it_shows_the_world_and_the_inside_of_the_chosen_robot(watched):
 
         detail = next(d for d in reversed(details) if any(one["attention"] for one in d["neighbours"]))
         recording, tick = recordings[detail["episode"]], detail["tick"]
-        moment = Moment(tick, recording.positions[tick], recording.goals, recording.obstacles)
+        moment = TeamSnapshot(tick, recording.positions[tick], recording.goals, recording.obstacles)
         [view] = moment.views([3])
         assert detail["view"] == ["".join(map(str, channel.ravel())) for channel in view]
         row = neighbours(np.zeros(10, dtype=np.int64), moment.positions)[3]
@@ -89,7 +89,7 @@ def test_it_shows_the_world_and_the_inside_of_the_chosen_robot(watched):
             1, abs=1e-3
         )
         assert sum(detail["probabilities"]) == pytest.approx(1, abs=1e-3)
-        assert detail["primitive"] == recording.wanted[tick, 3]
+        assert detail["primitive"] == recording.action[tick, 3]
         assert detail["why"] == ""
     # Nobody looks at a robot any more: only what is told to all tools is heard.
     node = team.client.node
@@ -139,7 +139,7 @@ def test_the_page_is_a_process_of_the_team_and_is_started_again(start_team):
 def test_a_team_that_runs_is_joined(team):
     inherited = {k: v for k, v in os.environ.items() if k != "_ROS_WHEELS_BOOTSTRAP_COMPLETE"}
     view = subprocess.Popen(
-        [sys.executable, "-m", "magat_bringup", "view", "--namespace", "/"],
+        [sys.executable, "-m", "magat_cli", "view", "--namespace", "/"],
         env=inherited | team.environment | {"PYTHONUNBUFFERED": "1"},
         stderr=subprocess.PIPE,
         text=True,

@@ -10,9 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from magat_evaluation import cases
+from magat_evaluation.cases import SolvedCase, first_cases, solved_cases
+from magat_evaluation.splits import SPLITS
 from magat_sim.case import InvalidCaseError
-from magat_training import cases, data
-from magat_training.cases import SPLITS, SolvedCase, first_cases, solved_cases
+from magat_training import data
 from magat_training.data import DataSetError, check_data_set, make_data_set, read_data_set, read_manifest
 
 SIZE = {"width": 11, "height": 7, "robots": 5, "density": 0.15}
@@ -86,7 +88,7 @@ def test_the_manifest_says_what_is_in_the_folder(tmp_path: Path) -> None:
 def test_a_seed_gives_the_same_data_set_for_ever(tmp_path: Path) -> None:
     assert make(tmp_path)["sha256"] == DIGEST, (
         "drawing or solving gives other cases or paths than before, or they are stored otherwise: if that is meant, "
-        "raise GENERATOR_VERSION in magat_training/cases.py, so that data sets made before are refused, and put the "
+        "raise GENERATOR_VERSION in magat_evaluation/cases.py, so that data sets made before are refused, and put the "
         "new hash into this test"
     )
 

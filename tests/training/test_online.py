@@ -6,13 +6,14 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 import pytest
 
+from magat_evaluation.cases import SolvedCase
+from magat_evaluation.planners import evaluate, simulator_for
+from magat_evaluation.splits import EXPERT_W
 from magat_expert import SolveStatus, check_paths, solve
 from magat_robot.policy.policy import Decision
 from magat_sim.case import Case
 from magat_sim.grid import DELTAS, Primitive
 from magat_sim.rollout import run_recorded
-from magat_training.cases import EXPERT_W, SolvedCase
-from magat_training.evaluate import evaluate, simulator_for
 from magat_training.online import CORRECTIONS, NODE_LIMIT, Lesson, correct_failures, correct_states
 from magat_training.samples import Instants
 
@@ -34,8 +35,8 @@ class Follower:
         }
 
     def decide_together(self, view: object, heard: object, streams: np.ndarray, tick: int) -> Decision:
-        wanted = [self._wanted(int(stream), tick) for stream in streams]
-        return Decision(np.ones((len(streams), 5)), np.array(wanted))
+        actions = [self._wanted(int(stream), tick) for stream in streams]
+        return Decision(np.ones((len(streams), 5)), np.array(actions))
 
     def _wanted(self, stream: int, tick: int) -> int:
         if stream not in self._way:
@@ -44,7 +45,7 @@ class Follower:
 
 
 class Scripted:
-    """Carried by two robots: one walks away from its goal, the other reaches its own, and both stay."""
+    """PolicySlot by two robots: one walks away from its goal, the other reaches its own, and both stay."""
 
     def decide_together(self, view: object, heard: object, streams: object, tick: int) -> Decision:
         return Decision(np.ones((2, 5)), np.array([UP, RIGHT] if tick == 0 else [IDLE, IDLE]))

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from magat_evaluation.cases import SolvedCase, solved_cases
+from magat_evaluation.planners import simulator_for
 from magat_sim.grid import DELTAS
 from magat_sim.rollout import run_recorded
 from magat_sim.simulator import Observation
 from magat_training import symmetry
-from magat_training.cases import SolvedCase, solved_cases
-from magat_training.evaluate import simulator_for
 from magat_training.samples import Batch, Instants, Sampler
 
 ROBOTS = 5
@@ -23,9 +23,9 @@ def walked(solved: SolvedCase) -> list[tuple[np.ndarray, list[list[int]], np.nda
     for now, then in zip(solved.paths[:-1], solved.paths[1:], strict=True):
         observation = simulator.observe()
         assert simulator.position.tolist() == now.tolist()
-        wanted = primitives(now, then)
-        steps.append((observation.field_of_view, neighbour_lists(observation.heard, 0), np.array(wanted)))
-        assert not simulator.step(wanted).blocked.any()
+        actions = primitives(now, then)
+        steps.append((observation.field_of_view, neighbour_lists(observation.heard, 0), np.array(actions)))
+        assert not simulator.step(actions).blocked.any()
     assert simulator.done
     return steps
 

@@ -17,9 +17,9 @@ import pytest
 import torch
 from tensorboardX.proto.event_pb2 import Event, SessionLog
 
+from magat_evaluation.cases import SolvedCase
 from magat_robot.policy.config import PolicyConfig
 from magat_training import train as train_module
-from magat_training.cases import SolvedCase
 from magat_training.online import CORRECTIONS, Lesson
 from magat_training.samples import Batch, Instants, Sampler
 from magat_training.train import TrainConfig, Trainer

@@ -14,9 +14,9 @@ import pytest
 import torch
 from torch.nn.functional import cross_entropy
 
+from magat_evaluation.cases import SolvedCase
 from magat_robot.policy.config import PolicyConfig
 from magat_robot.policy.network import PolicyNetwork
-from magat_training.cases import SolvedCase
 from magat_training.train import TrainConfig, Trainer
 from magat_training.workers import ALONE, Workers
 

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from magat_sim.episode import episode_streams
 from magat_sim.simulator import Simulator
+from magat_sim.streams import episode_streams
 
 
 @pytest.fixture
@@ -20,22 +20,22 @@ def walk(random_case) -> Callable:
         simulator = Simulator([case], [ticks], [episode_streams(seed, 0, robots)])
         none = [False] * robots
 
-        def world(wanted, moved, silent) -> SimpleNamespace:
+        def world(action, moved, silent) -> SimpleNamespace:
             x, y = simulator.position.T.tolist()
             goal_x, goal_y = case.goals.T.tolist()
             grid = b"" if simulator.tick else case.obstacles.astype(np.uint8).tobytes()
             return SimpleNamespace(
                 episode=episode, tick=simulator.tick, robots=[f"r_{i}" for i in range(robots)], width=side,
-                height=side + 1, obstacles=grid, x=x, y=y, goal_x=goal_x, goal_y=goal_y, wanted=bytes(wanted),
+                height=side + 1, obstacles=grid, x=x, y=y, goal_x=goal_x, goal_y=goal_y, action=bytes(action),
                 moved=bytes(moved), silent=list(silent), visited=simulator.visited.tolist(), links=4, seconds=0.02,
                 t_max=ticks, expert_flowtime=20, expert_flowtime_strict=21,
             )  # fmt: skip
 
         worlds = [world([0] * robots, [0] * robots, none)]
         while not simulator.done:
-            wanted = rng.integers(5, size=robots)
-            step = simulator.step(wanted)
-            worlds.append(world(wanted.tolist(), step.moved.tolist(), none))
+            action = rng.integers(5, size=robots)
+            step = simulator.step(action)
+            worlds.append(world(action.tolist(), step.moved.tolist(), none))
         return SimpleNamespace(case=case, simulator=simulator, worlds=worlds)
 
     return run

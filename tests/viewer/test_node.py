@@ -15,7 +15,7 @@ from magat_bringup.environment import loopback, own_domain
 from magat_interfaces.msg import Feature, Observation, Preference, RobotStatus, World
 from magat_node import qos
 from magat_robot.policy.store import load, save
-from magat_viewer.detail import UNHEARD, Moment
+from magat_viewer.detail import UNHEARD, TeamSnapshot
 from magat_viewer.node import LiveTeam
 
 NAMES = ["alice", "bob"]
@@ -23,7 +23,7 @@ EPISODES = itertools.count(100)
 
 
 def world(tick: int, episode: int = 5, **fields: object) -> World:
-    said = {"x": [tick, 0], "y": [0, 1], "goal_x": [9, 0], "goal_y": [0, 1], "wanted": [4, 0], "moved": [4, 0]}
+    said = {"x": [tick, 0], "y": [0, 1], "goal_x": [9, 0], "goal_y": [0, 1], "action": [4, 0], "moved": [4, 0]}
     said |= {"silent": [False, False], "visited": [False, True], "robots": NAMES, "width": 10, "height": 2}
     said |= {"obstacles": [0] * 20 if tick == 0 else [], "missing": [0, 0], "t_max": 30, "seconds": 0.1, "links": 2}
     return World(episode=episode, tick=tick, **(said | fields))
@@ -90,7 +90,7 @@ def test_results_come_when_an_episode_is_over(talk):
 @pytest.mark.parametrize(
     "damage",
     [
-        {"wanted": [1]},
+        {"action": [1]},
         {"moved": []},
         {"missing": [0]},
         {"x": [1]},
@@ -150,7 +150,7 @@ def test_the_inside_of_a_robot_is_heard_while_somebody_looks(talk):
     talk.until(lambda: talk.node.count_subscribers("bob/observation") == 0)
 
 
-@pytest.mark.parametrize("odd", [{"wanted": [4, 3]}, {"missing": [0, 1]}])
+@pytest.mark.parametrize("odd", [{"action": [4, 3]}, {"missing": [0, 1]}])
 def test_robots_are_listened_to_only_if_what_one_thought_does_not_follow(talk, random_network, tmp_path, odd):
     number = next(EPISODES)
     digest = f"{number:064d}"
@@ -159,11 +159,11 @@ def test_robots_are_listened_to_only_if_what_one_thought_does_not_follow(talk, r
     save(random_network(), tmp_path, "")
     policy, moment = (
         load(tmp_path),
-        Moment(0, np.array([[0, 0], [0, 1]]), np.array([[9, 0], [0, 1]]), np.zeros((2, 10))),
+        TeamSnapshot(0, np.array([[0, 0], [0, 1]]), np.array([[9, 0], [0, 1]]), np.zeros((2, 10))),
     )
     status = RobotStatus(robots=["bob"], policy="MAGAT-F-16", digest=digest, radio="direct", encoding="float32")
     talk.say("robot_status", status, qos.reliable(100), {1})
-    alice, bob = (policy.encode(moment.views([robot])) for robot in range(2))
+    alice, bob = (policy.perceive(moment.views([robot])) for robot in range(2))
     after = policy.hear(bob, alice.messages[None], np.ones((1, 1), bool))
     stream = np.array([9], np.uint64)
 
@@ -179,9 +179,9 @@ def test_robots_are_listened_to_only_if_what_one_thought_does_not_follow(talk, r
             wish = Preference(episode=number, tick=at, tag=10 + at, heard=1, primitive=primitive)
             wish.log_probabilities = np.log([0.96, 0.01, 0.01, 0.01, 0.01]).astype(np.float32)
             talk.say("preference", wish, qos.newest(10), {1})
-        shown = {"x": [0, 0], "wanted": [4, primitive]} | fields
-        if "wanted" in fields:
-            shown["wanted"] = [4, (primitive + 1) % 5]
+        shown = {"x": [0, 0], "action": [4, primitive]} | fields
+        if "action" in fields:
+            shown["action"] = [4, (primitive + 1) % 5]
         talk.say("world", world(at + 1, episode=number, **shown), qos.reliable(100), {1})
 
     def found(at: int) -> dict:

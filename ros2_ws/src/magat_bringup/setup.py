@@ -25,14 +25,7 @@ setup(
     zip_safe=True,
     maintainer="MAGAT maintainers",
     maintainer_email="maintainers@magat.example",
-    description="All of it together: launch files, parameters, the magat command, recorder and viewer.",
+    description="Starts a team: launch file, parameters, processes, network, and the client that runs episodes.",
     license="Apache-2.0",
-    entry_points={
-        "console_scripts": [
-            "magat = magat_bringup.cli:main",
-            "recorder = magat_bringup.recorder:main",
-            "viewer = magat_bringup.view:main",
-            "discovery_server = magat_bringup.discovery:main",
-        ]
-    },
+    entry_points={"console_scripts": ["discovery_server = magat_bringup.discovery:main"]},
 )

@@ -16,5 +16,5 @@ setup(
     maintainer_email="maintainers@magat.example",
     description="What a robot carries: the policy, from what it sees and hears to its action, and its node.",
     license="Apache-2.0",
-    entry_points={"console_scripts": ["robot = magat_robot.node:main", "robots = magat_robot.processes:main"]},
+    entry_points={"console_scripts": ["robot = magat_robot.node:main", "robots = magat_robot.forked:main"]},
 )

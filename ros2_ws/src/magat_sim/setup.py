@@ -16,5 +16,5 @@ setup(
     maintainer_email="maintainers@magat.example",
     description="The physics of the team: grid, field of view, radio, shields, episodes, and their nodes.",
     license="Apache-2.0",
-    entry_points={"console_scripts": ["simulator = magat_sim.node:main", "view = magat_sim.view:main"]},
+    entry_points={"console_scripts": ["simulator = magat_sim.node:main"]},
 )

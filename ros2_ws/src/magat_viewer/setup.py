@@ -17,4 +17,5 @@ setup(
     maintainer_email="maintainers@magat.example",
     description="A local web page that shows a live or a recorded team.",
     license="Apache-2.0",
+    entry_points={"console_scripts": ["viewer = magat_viewer.main:main", "view = magat_viewer.rviz.node:main"]},
 )

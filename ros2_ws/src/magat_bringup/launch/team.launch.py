@@ -13,11 +13,11 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from magat_bringup.models import find_policy
+from magat_robot.policy.models import find_policy
 from magat_bringup.team import ENVIRONMENT, Command, TeamFile, TeamPlan
 from magat_robot.policy.config import ENCODINGS
-from magat_robot.policy.deployment import BACKENDS
-from magat_robot.processes import RESTARTS
+from magat_robot.policy.backends import BACKENDS
+from magat_robot.forked import RESTARTS
 from magat_sim.shield import SHIELDS
 
 CONFIG = Path(get_package_share_directory("magat_bringup")) / "config"

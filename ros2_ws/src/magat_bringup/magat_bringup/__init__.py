@@ -1,1 +1,1 @@
-"""All of it together: the ``magat`` command, the processes of a team, the client that runs episodes, pictures."""
+"""Starts a team: launch file, parameters, processes, network, and the client that runs episodes."""

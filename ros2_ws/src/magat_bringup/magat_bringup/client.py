@@ -7,13 +7,14 @@ from rclpy.action import ActionClient
 from rclpy.task import Future
 from std_msgs.msg import Empty
 
-from magat_bringup.processes import TeamError, TeamProcesses
-from magat_bringup.recording import Recording
-from magat_bringup.topics import READY
-from magat_bringup.visitor import Visitor
+from magat_bringup.processes import TeamProcesses
 from magat_interfaces.action import RunEpisode
 from magat_interfaces.msg import World
 from magat_node import qos
+from magat_node.errors import TeamError
+from magat_node.topics import READY
+from magat_node.visitor import Visitor
+from magat_recording.world_log import WorldLog
 
 #: How long to wait for the simulator to appear, seconds.
 SIMULATOR_TIMEOUT = 60.0
@@ -31,7 +32,7 @@ class EpisodeOutcome:
     """An episode's result and recording."""
 
     result: RunEpisode.Result
-    recording: Recording
+    recording: WorldLog
 
 
 class EpisodeClient(Visitor):
@@ -42,7 +43,7 @@ class EpisodeClient(Visitor):
         super().__init__("episode_client", domain=domain)
         self._team = team
         self._action = ActionClient(self.node, RunEpisode, "run_episode")
-        self._recording = Recording()
+        self._recording = WorldLog()
         self.node.create_subscription(World, "world", self._on_world, qos.reliable(1000))
 
     def wait_for_simulator(self, timeout: float = SIMULATOR_TIMEOUT) -> None:
@@ -86,7 +87,7 @@ class EpisodeClient(Visitor):
 
     def _on_world(self, message: World) -> None:
         if message.tick == 0:
-            self._recording = Recording(message.episode)
+            self._recording = WorldLog(message.episode)
         if message.episode == self._recording.episode:
             self._recording.worlds[message.tick] = message
 

@@ -9,15 +9,15 @@ from rclpy.task import Future
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from magat_bringup.join import find_team
-from magat_bringup.processes import TeamError
-from magat_bringup.visitor import Visitor
 from magat_interfaces.action import DeployPolicy
 from magat_interfaces.msg import PolicyFile, RobotStatus
 from magat_node import qos
-from magat_robot.carried import longest_payload
+from magat_node.errors import TeamError
+from magat_node.teams import find_team
+from magat_node.visitor import Visitor
 from magat_robot.policy.config import ModelError, PolicyConfig
 from magat_robot.policy.folder import read_files, read_folder
+from magat_robot.policy_slot import longest_payload
 
 #: How long to wait until every robot has said what it carries, seconds; one that runs does so every 2 s.
 STATUS_TIMEOUT = 10.0

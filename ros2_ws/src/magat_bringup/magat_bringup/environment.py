@@ -12,6 +12,8 @@ from tempfile import gettempdir
 import psutil
 from ament_index_python.packages import get_package_share_directory
 
+from magat_node.errors import MagatError
+
 LOOPBACK = "127.0.0.1"
 #: Fast DDS's profiles: of nodes, and of the discovery server.
 PROFILES = Path(get_package_share_directory("magat_bringup")) / "config" / "fastdds.xml"
@@ -25,11 +27,11 @@ DOMAINS = range(1, 100, 2)
 _FIRST_PORT, _PORTS, _SERVER_PORT = 7400, 250, 2
 
 
-class NoDomainError(RuntimeError):
+class NoDomainError(MagatError, RuntimeError):
     """The ROS domain, or every one of this machine, is in use by another run."""
 
 
-class NetworkError(RuntimeError):
+class NetworkError(MagatError, RuntimeError):
     """The network cannot be used; the message says what of it is missing."""
 
 

@@ -12,15 +12,12 @@ from types import TracebackType
 from typing import IO, Self
 
 from magat_bringup.team import ENVIRONMENT, TeamPlan
-from magat_robot.processes import RESTARTS
+from magat_node.errors import TeamError
+from magat_robot.forked import RESTARTS
 
 _PR_SET_PDEATHSIG = 1
 #: How long processes may take to end when asked to, before they are killed, seconds.
 GRACE = 5.0
-
-
-class TeamError(RuntimeError):
-    """The team cannot go on; the message says which process failed and what it said."""
 
 
 class TeamProcesses:

@@ -22,16 +22,16 @@ from rich.progress import (
 from rich.table import Table
 
 from magat_bringup import log_lines
-from magat_bringup.animation import save_animation
 from magat_bringup.client import EpisodeClient, EpisodeOutcome
 from magat_bringup.environment import LOOPBACK, Network, network_for, own_domain
-from magat_bringup.picture import save_picture
 from magat_bringup.processes import TeamProcesses
-from magat_bringup.record import EpisodeRecord
-from magat_bringup.scenarios import Scenarios
 from magat_bringup.team import TeamPlan
 from magat_interfaces.action import RunEpisode
+from magat_pictures.animation import save_animation
+from magat_pictures.drawn_episode import DrawnEpisode
+from magat_pictures.picture import save_picture
 from magat_sim.measures import wilson
+from magat_sim.scenarios import Scenarios
 from magat_viewer.address import HOST as PAGE_HOST
 
 
@@ -238,7 +238,7 @@ def _write(plan: RunPlan, team: TeamPlan, outcomes: list[EpisodeOutcome], consol
     results = [{name: getattr(outcome.result, name) for name in fields} for outcome in outcomes]
     (plan.output / "results.json").write_text(json.dumps(results, indent=1) + "\n")
     last = outcomes[-1].recording
-    record = EpisodeRecord(
+    record = DrawnEpisode(
         obstacles=last.obstacles,
         goals=last.goals,
         positions=last.positions,

@@ -10,6 +10,8 @@ from typing import Any, Self
 
 import yaml
 
+from magat_node.errors import MagatError
+
 #: A name that ROS takes for a namespace: letters, digits and underscores, parts separated by slashes.
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 #: Words that ROS's parameters take for a truth value or a number.
@@ -19,7 +21,7 @@ _NO_NAMES = {"y", "n", "yes", "no", "on", "off", "true", "false", "nan", "inf", 
 ENVIRONMENT = {"OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
 
 
-class TeamFileError(RuntimeError):
+class TeamFileError(MagatError, RuntimeError):
     """A team, or a file that describes one, cannot be used; the message says what is wrong with it."""
 
 
@@ -125,7 +127,7 @@ class TeamPlan:
     shield: str = "idle"
     #: Of messages; that of the policy's configuration if empty.
     encoding: str = ""
-    #: What computes the policy, see `magat_robot.policy.deployment`.
+    #: What computes the policy, see `magat_robot.policy.backends`.
     backend: str = "torch"
     #: ROS parameter file for every process. Where it names a node (``/**/robot``) it goes before what is given here, as
     #: everywhere in ROS; where it speaks to all (``/**``), after it.
@@ -181,13 +183,13 @@ class TeamPlan:
             package="magat_bringup",
             executable="discovery_server",
             module="magat_bringup.discovery",
-            again=False,  # another one would not know whom this one has brought together
+            again=False,  # another one would not know whom this one has aggregated together
         )
         robots = Command(
             name="robots",
             package="magat_robot",
             executable="robots",
-            module="magat_robot.processes",
+            module="magat_robot.forked",
             arguments=(*carried, *encoded, *carried_by),
             ros_arguments=(*shared, *sized, *heard),
         )
@@ -214,9 +216,9 @@ class TeamPlan:
             bag = ("-p", f"bag:={self.record.resolve()}")
             recorder = Command(
                 name="recorder",
-                package="magat_bringup",
+                package="magat_recording",
                 executable="recorder",
-                module="magat_bringup.recorder",
+                module="magat_recording.recorder",
                 ros_arguments=(*shared, *bag, *roster, *heard),
             )
             started.insert(0, recorder)
@@ -224,9 +226,9 @@ class TeamPlan:
             started.append(
                 Command(
                     name="view",
-                    package="magat_sim",
+                    package="magat_viewer",
                     executable="view",
-                    module="magat_sim.view",
+                    module="magat_viewer.rviz.node",
                     ros_arguments=(*shared, *sized),
                 )
             )
@@ -234,9 +236,9 @@ class TeamPlan:
             started.append(
                 Command(
                     name="viewer",
-                    package="magat_bringup",
+                    package="magat_viewer",
                     executable="viewer",
-                    module="magat_bringup.view",
+                    module="magat_viewer.main",
                     ros_arguments=(*shared, "-p", f"port:={self.view}"),
                 )
             )

@@ -15,13 +15,13 @@ import numpy.typing as npt
 from magat_robot.exchange import MOST_MESSAGES, Exchange
 from magat_robot.policy import payload
 from magat_robot.policy.config import OBSERVATION_SHAPE
-from magat_robot.policy.interface import Decision, Encoding, RobotPolicy
+from magat_robot.policy.interface import Decision, LatentState, RobotPolicy
 
 _OBSERVATION_BYTES = int(np.prod(OBSERVATION_SHAPE))
 
 
 @dataclass(frozen=True)
-class Sight:
+class ReceivedObservation:
     """What one robot is told in a tick."""
 
     episode: int
@@ -51,7 +51,7 @@ class Message:
 class Answer:
     """What one robot decided."""
 
-    sight: Sight
+    sight: ReceivedObservation
     #: ``[5]`` float32.
     log_probabilities: npt.NDArray[np.float32]
     primitive: int
@@ -92,8 +92,8 @@ class Crew:
         self._policy, self._robots, self._send, self._answer = policy, robots, send, answer
         self._relayed = relayed
         self._at: tuple[int, int] | None = None
-        self._sights: dict[int, Sight] = {}
-        self._own: Encoding | None = None  # rows: the robots of _sights, in their order
+        self._sights: dict[int, ReceivedObservation] = {}
+        self._own: LatentState | None = None  # rows: the robots of _sights, in their order
         self._round = 0
         self._audible: frozenset[int] = frozenset()  # tags, by any of these robots
         self._awaited: set[int] = set()  # tags, or robots whose bundles are missing
@@ -103,7 +103,7 @@ class Crew:
 
     # --- What comes in ---
 
-    def see(self, robot: int, sight: Sight) -> bool:
+    def see(self, robot: int, sight: ReceivedObservation) -> bool:
         """Take what ``robot`` is told; True if a tick begins with it."""
         at, view = (sight.episode, sight.tick), sight.field_of_view
         if len(view) != _OBSERVATION_BYTES:
@@ -166,7 +166,7 @@ class Crew:
         started = time.monotonic()
         self._sights = dict(sorted(self._sights.items()))
         views = b"".join(sight.field_of_view for sight in self._sights.values())
-        self._own = self._policy.encode(np.frombuffer(views, dtype=np.uint8).reshape(-1, *OBSERVATION_SHAPE))
+        self._own = self._policy.perceive(np.frombuffer(views, dtype=np.uint8).reshape(-1, *OBSERVATION_SHAPE))
         self._lost = np.zeros(len(self._sights), dtype=np.int64)
         self._audible = frozenset().union(*(sight.audible_tags for sight in self._sights.values()))
         self.exchange.listen(self._audible)

@@ -14,11 +14,11 @@ from magat_interfaces.msg import Deployment, Feature, FeatureBundle, Observation
 from magat_node import cdr, qos
 from magat_node.parameters import declare_choice, declare_count, declare_seconds, declare_value
 from magat_node.run import run_node
-from magat_robot.carried import Carried
-from magat_robot.crew import Answer, Crew, Message, Sight
+from magat_robot.crew import Answer, Crew, Message, ReceivedObservation
+from magat_robot.policy.backends import BACKENDS, load_policy
 from magat_robot.policy.config import ENCODINGS, MAX_SIZE, ModelError
-from magat_robot.policy.deployment import BACKENDS, load_policy
 from magat_robot.policy.payload import encoded_bytes
+from magat_robot.policy_slot import PolicySlot
 
 #: Seconds between two statuses while waiting, and between two hellos in a small team.
 HELLO_PERIOD = 0.2
@@ -91,7 +91,7 @@ class RobotNode(LifecycleNode):
         processes = team_size / len(self.robots)
         self._hello_every = max(1, math.ceil(processes / HELLO_PROCESSES))
         self._problem: str | None = None
-        self._carried: Carried | None = None
+        self._carried: PolicySlot | None = None
         self._nonce = secrets.randbits(64)
         if autostart:
             for trigger in (self.trigger_configure, self.trigger_activate):
@@ -106,7 +106,7 @@ class RobotNode(LifecycleNode):
             if not self._folder:
                 raise ModelError("no policy given: start the robot with -p policy:=FOLDER")
             policy = load_policy(Path(self._folder), self._backend, **self._changes)
-            self._carried = Carried(policy, self._backend, self._max_payload)
+            self._carried = PolicySlot(policy, self._backend, self._max_payload)
         except ModelError as error:
             self._problem = str(error)
             self.get_logger().error(f"not configured: {error}")
@@ -202,7 +202,7 @@ class RobotNode(LifecycleNode):
             self._send_preference.publish(Preference(tick=Observation.HELLO, tag=message.own_tag))
             return
         self._last_observed = time.monotonic()
-        sight = Sight(
+        sight = ReceivedObservation(
             message.episode,
             message.tick,
             message.stream,

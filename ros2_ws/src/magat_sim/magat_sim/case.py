@@ -6,13 +6,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from magat_node.errors import MagatError
 from magat_sim.grid import BoolArray, IntArray, at, inside
 
 #: Of a map that is drawn: cells take memory and time, and whoever is in the network may ask for them.
 MOST_CELLS = 2**20
 
 
-class InvalidCaseError(ValueError):
+class InvalidCaseError(MagatError, ValueError):
     """A case that no simulator should accept; the message says which robot, which cell and why."""
 
 

@@ -13,7 +13,7 @@ class Order(enum.IntEnum):
     ROLL_BACK = 2
 
 
-class Report(NamedTuple):
+class RobotReport(NamedTuple):
     """What a robot last said of its policies, as in `magat_interfaces/msg/RobotStatus`."""
 
     deployment: int
@@ -43,9 +43,9 @@ class Deployment:
         self._error = ""
         self._robots, self._patience = list(robots), patience
         self._ordered = now
-        self._reports: dict[str, Report] = {}
+        self._reports: dict[str, RobotReport] = {}
 
-    def reported(self, robots: Sequence[str], report: Report) -> None:
+    def reported(self, robots: Sequence[str], report: RobotReport) -> None:
         """Take what the process of ``robots`` says, after the last order."""
         self._reports.update(dict.fromkeys(robots, report))
 
@@ -87,7 +87,7 @@ class Deployment:
         """Robots that have not done, as far as is known, what they were told."""
         return [name for name in self._robots if not self._follows(self._reports.get(name))]
 
-    def _follows(self, report: Report | None) -> bool:
+    def _follows(self, report: RobotReport | None) -> bool:
         if report is None:
             return False
         if self.order is Order.PREPARE:

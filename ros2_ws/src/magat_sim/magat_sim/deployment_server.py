@@ -13,7 +13,7 @@ from magat_interfaces.msg import RobotStatus
 from magat_node import qos
 from magat_node.deferred import DeferredActionServer
 from magat_node.parameters import declare_seconds
-from magat_sim.deployment import Deployment, Order, Report
+from magat_sim.deployment import Deployment, Order, RobotReport
 
 _STATES = {
     Order.PREPARE: DeployPolicy.Feedback.PREPARING,
@@ -34,7 +34,7 @@ class DeploymentServer:
         self._goal: ServerGoalHandle | None = None
         self._deployment: Deployment | None = None
         self._said = DeploymentMessage()
-        #: The order that has brought the policy which the team carries; None if it is the first one.
+        #: The order that has aggregated the policy which the team carries; None if it is the first one.
         self._carried: DeploymentMessage | None = None
         self._send = node.create_publisher(DeploymentMessage, "deployment", qos.latched(1))
         self._action = DeferredActionServer(
@@ -58,7 +58,7 @@ class DeploymentServer:
     def reported(self, status: RobotStatus) -> None:
         """Take the status of a process."""
         if self._deployment is not None:
-            report = Report(status.deployment, status.prepared, status.refusal)
+            report = RobotReport(status.deployment, status.prepared, status.refusal)
             self._deployment.reported(status.robots, report)
             self._advance()
 

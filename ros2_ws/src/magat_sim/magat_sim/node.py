@@ -22,12 +22,12 @@ from magat_node.parameters import declare_choice, declare_seconds, declare_share
 from magat_node.run import run_node
 from magat_sim.case import Case, InvalidCaseError, draw_case, make_case
 from magat_sim.deployment_server import DeploymentServer
-from magat_sim.episode import episode_streams
 from magat_sim.measures import T_MAX_FACTOR, Flowtime, expert_flowtime
 from magat_sim.shield import SHIELDS
 from magat_sim.simulator import Rules
+from magat_sim.streams import episode_streams
 from magat_sim.team import Equipment, Team
-from magat_sim.ticks import Episode, Outcome, Wish
+from magat_sim.ticks import DistributedEpisode, Outcome, ReceivedPreference
 
 #: Seconds between hellos to robots that do not take part.
 HELLO_PERIOD = 0.2
@@ -69,7 +69,7 @@ class SimulatorNode(Node):
         self._goal: ServerGoalHandle | None = None
         self._case: Case | None = None
         self._expert: Flowtime | None = None
-        self._episode: Episode | None = None
+        self._episode: DistributedEpisode | None = None
         self._episode_id = 0
         self._begun = 0.0
         self._gathering = False
@@ -233,7 +233,7 @@ class SimulatorNode(Node):
             self._finish(goal.abort, f"the expert gives no makespan ({why}): set t_max, or take another case")
             return
         streams = episode_streams(goal.request.seed, goal.request.number, case.robots)
-        self._episode = Episode(case, t_max, streams, self._rules)
+        self._episode = DistributedEpisode(case, t_max, streams, self._rules)
         # A tick takes no longer with many rounds than with one.
         rounds = self._team.equipment.rounds if self._team.equipment is not None else 1
         self._relay_deadline.timer_period_ns = int(1e9 * self._relay_patience / max(rounds, 1))
@@ -275,7 +275,7 @@ class SimulatorNode(Node):
         if feature is None or feature.tick == Observation.HELLO or episode is None:
             return
         if feature.episode != self._episode_id or feature.tick != episode.simulator.tick:
-            return  # late: the robots that wanted it have gone on
+            return  # late: the robots that actions it have gone on
         why = episode.relay.receive(feature.round, feature.tag, feature.encoding, feature.payload)
         if why is not None:
             self.get_logger().warning(f"dropped {why}", throttle_duration_sec=5.0)
@@ -307,7 +307,8 @@ class SimulatorNode(Node):
         if episode is None or message.episode != self._episode_id or message.tick != episode.simulator.tick:
             return  # late: its tick ended without it, which was counted then
         why = episode.answer(
-            message.tag, Wish(message.primitive, message.heard, message.feature_bytes, message.log_probabilities)
+            message.tag,
+            ReceivedPreference(message.primitive, message.heard, message.feature_bytes, message.log_probabilities),
         )
         if why is not None:
             self.get_logger().warning(f"dropped {why}", throttle_duration_sec=5.0)
@@ -354,11 +355,11 @@ class SimulatorNode(Node):
         message.expert_flowtime, message.expert_flowtime_strict = best.first_visit, best.last_arrival
         if outcome is None:
             message.obstacles = array.array("B", case.obstacles.astype(np.uint8).tobytes())
-            message.wanted = message.moved = array.array("B", bytes(case.robots))
+            message.action = message.moved = array.array("B", bytes(case.robots))
             message.silent = [False] * case.robots
             message.missing = array.array("H", bytes(2 * case.robots))
         else:
-            message.wanted = array.array("B", outcome.wanted.astype(np.uint8).tobytes())
+            message.action = array.array("B", outcome.actions.astype(np.uint8).tobytes())
             message.moved = array.array("B", outcome.step.moved.astype(np.uint8).tobytes())
             message.silent = outcome.silent.tolist()
             message.missing = array.array("H", outcome.missing.astype(np.uint16).tobytes())

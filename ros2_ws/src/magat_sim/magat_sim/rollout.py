@@ -6,10 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from magat_sim.grid import IntArray
-from magat_sim.simulator import Observation, Simulator, Wishes
+from magat_sim.simulator import Actions, Observation, Simulator
 
 #: What R robots want to do, or just the primitives they drew (``[R]``), for an observation of them.
-Decide = Callable[[Observation], npt.ArrayLike | Wishes]
+Decide = Callable[[Observation], npt.ArrayLike | Actions]
 
 
 def run(simulator: Simulator, decide: Decide, on_step: Callable[[Simulator], None] | None = None) -> None:

@@ -35,7 +35,7 @@ class Scene:
     #: ``[R, 5]`` the robot that is there now, or `NOBODY`; the robot itself for IDLE.
     ahead: IntArray
     #: ``[R]`` the primitive each robot drew; IDLE where it was silent.
-    wanted: IntArray
+    actions: IntArray
     #: ``[R, 5]`` how much each likes the primitives: logarithms of probabilities, or whatever it sent.
     log_probabilities: npt.NDArray[np.float32]
     #: ``[R]`` bool, who said nothing: it stays where it is.
@@ -64,9 +64,9 @@ def idle_shield(scene: Scene) -> IntArray:
     Two robots that would swap cells both idle. Of several that want one cell that is or becomes free, the one with the
     lowest draw moves. Following a robot into the cell that it leaves is allowed, and so are rotations of three or more.
     """
-    robots = np.arange(len(scene.wanted))
-    target, ahead = scene.leads[robots, scene.wanted], scene.ahead[robots, scene.wanted]
-    moves = (scene.wanted != Primitive.IDLE) & scene.free[robots, scene.wanted]
+    robots = np.arange(len(scene.actions))
+    target, ahead = scene.leads[robots, scene.actions], scene.ahead[robots, scene.actions]
+    moves = (scene.actions != Primitive.IDLE) & scene.free[robots, scene.actions]
     other = np.maximum(ahead, 0)
     moves &= ~(moves & (ahead != NOBODY) & moves[other] & (target[other] == scene.place))
     by_draw = robots[moves][np.argsort(scene.draw[moves])]
@@ -76,7 +76,7 @@ def idle_shield(scene: Scene) -> IntArray:
     while True:
         blocked = moves & (ahead != NOBODY) & ~moves[other]
         if not blocked.any():
-            return np.where(moves, scene.wanted, Primitive.IDLE)
+            return np.where(moves, scene.actions, Primitive.IDLE)
         moves &= ~blocked
 
 
@@ -88,7 +88,7 @@ def pibt_shield(scene: Scene) -> IntArray:
     again. A silent robot is a wall. (Okumura et al.: Priority inheritance with backtracking, AIJ 2022; with learned
     policies: Veerapaneni et al., 2024, whose CS-PIBT ranks likewise.)
     """
-    return _pibt(scene, ranking(scene.wanted, scene.log_probabilities))
+    return _pibt(scene, ranking(scene.actions, scene.log_probabilities))
 
 
 def pibt_memory_shield(scene: Scene) -> IntArray:
@@ -98,7 +98,7 @@ def pibt_memory_shield(scene: Scene) -> IntArray:
     episode ends. (Korf's real-time search, AIJ 1990, leaves such pockets in the same way.)
     """
     returns = np.where(scene.silent[:, None], 0, scene.returns)  # a wall stays where it is
-    return _pibt(scene, ranking(scene.wanted, scene.log_probabilities, returns))
+    return _pibt(scene, ranking(scene.actions, scene.log_probabilities, returns))
 
 
 def _pibt(scene: Scene, ranked: IntArray) -> IntArray:
@@ -140,7 +140,7 @@ def _pibt(scene: Scene, ranked: IntArray) -> IntArray:
     return np.array(made, dtype=np.int64)
 
 
-def ranking(wanted: IntArray, log_probabilities: npt.ArrayLike, returns: npt.ArrayLike = 0) -> IntArray:
+def ranking(actions: IntArray, log_probabilities: npt.ArrayLike, returns: npt.ArrayLike = 0) -> IntArray:
     """In which order robots would like to make the primitives.
 
     The primitive drawn comes first, unless it is a return, so that a robot that nobody hinders makes what it drew, as
@@ -148,7 +148,7 @@ def ranking(wanted: IntArray, log_probabilities: npt.ArrayLike, returns: npt.Arr
     order of the primitives. What is no number counts as the least.
 
     Args:
-        wanted: ``[R]`` the primitives drawn.
+        actions: ``[R]`` the primitives drawn.
         log_probabilities: ``[R, 5]``, any numbers.
         returns: ``[R, 5]`` as in `Scene`, or 0: none counts.
 
@@ -157,13 +157,13 @@ def ranking(wanted: IntArray, log_probabilities: npt.ArrayLike, returns: npt.Arr
     """
     liking = np.nan_to_num(np.asarray(log_probabilities, dtype=np.float64), nan=-np.inf, posinf=np.inf, neginf=-np.inf)
     counted = np.broadcast_to(returns, liking.shape)
-    first = (np.arange(liking.shape[1]) == wanted[:, None]) & (counted == 0)
+    first = (np.arange(liking.shape[1]) == actions[:, None]) & (counted == 0)
     return np.lexsort((RETURN_PENALTY * counted - liking, ~first), axis=1)
 
 
-def blocked(wanted: IntArray, moved: IntArray) -> BoolArray:
+def blocked(actions: IntArray, moved: IntArray) -> BoolArray:
     """Who drew a move and did not make it; arrays of any one shape."""
-    return (wanted != Primitive.IDLE) & (wanted != moved)
+    return (actions != Primitive.IDLE) & (actions != moved)
 
 
 SHIELDS: Mapping[str, Shield] = {"idle": idle_shield, "pibt": pibt_shield, "pibt-memory": pibt_memory_shield}

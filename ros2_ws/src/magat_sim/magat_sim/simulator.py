@@ -7,12 +7,12 @@ import numpy as np
 import numpy.typing as npt
 
 from magat_sim.case import Case
-from magat_sim.episode import EpisodeStreams
 from magat_sim.field_of_view import RADIUS, Uint8Array, field_of_view, pad
 from magat_sim.grid import DELTAS, BoolArray, IntArray, Primitive
 from magat_sim.measures import EpisodeMeasures, Flowtime, episode_measures
 from magat_sim.radio import neighbours, without_lost
 from magat_sim.shield import MEMORY, NOBODY, NOWHERE, SHIELDS, Scene, blocked
+from magat_sim.streams import EpisodeStreams
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Observation:
 
 
 @dataclass(frozen=True)
-class Wishes:
+class Actions:
     """What R robots want to do."""
 
     #: ``[R]`` the primitive each robot drew, 0 to 4.
@@ -169,33 +169,33 @@ class Simulator:
             heard = without_lost(heard, streams, self.tick, self.rules.link_loss)
         return Observation(view, heard, streams, self.tick)
 
-    def step(self, wanted: npt.ArrayLike | Wishes) -> Step:
+    def step(self, actions: npt.ArrayLike | Actions) -> Step:
         """Make one step.
 
         Args:
-            wanted: of the ``[R]`` active robots, or just the primitives they drew.
+            actions: of the ``[R]`` active robots, or just the primitives they drew.
 
         Raises:
             ValueError: wrong shape, or no primitive.
         """
         robots = self._active
-        scene = self._scene(wanted if isinstance(wanted, Wishes) else Wishes(wanted))
+        scene = self._scene(actions if isinstance(actions, Actions) else Actions(actions))
         moved = SHIELDS[self.rules.shield](scene)
         moves = moved != Primitive.IDLE
         self._occupant[scene.place[moves]] = NOBODY
         self._occupant[scene.leads[moves, moved[moves]]] = robots[moves]
         self.position[robots] += DELTAS[moved]
 
-        stopped = blocked(scene.wanted, moved)
+        stopped = blocked(scene.actions, moved)
         np.add.at(self._blocked, self.world[robots[stopped]], 1)
         self._account(robots)
         return Step(moved, stopped)
 
-    def _scene(self, wishes: Wishes) -> Scene:
+    def _scene(self, wishes: Actions) -> Scene:
         robots, count = self._active, len(DELTAS)
-        wanted = np.asarray(wishes.primitives, dtype=np.int64)
-        if wanted.shape != robots.shape or (wanted < 0).any() or (wanted >= count).any():
-            raise ValueError(f"wanted has shape {wanted.shape}, values {set(wanted.ravel().tolist())}: "
+        actions = np.asarray(wishes.primitives, dtype=np.int64)
+        if actions.shape != robots.shape or (actions < 0).any() or (actions >= count).any():
+            raise ValueError(f"actions have shape {actions.shape}, values {set(actions.ravel().tolist())}: "
                              f"give {robots.shape} primitives from 0 to {count - 1}")  # fmt: skip
         liking = np.zeros((len(robots), count), np.float32)
         if wishes.log_probabilities is not None:
@@ -220,7 +220,7 @@ class Simulator:
             leads=leads,
             free=self._obstacles.reshape(-1)[leads] == 0,
             ahead=row[self._occupant[leads]],
-            wanted=np.where(silent, Primitive.IDLE, wanted),
+            actions=np.where(silent, Primitive.IDLE, actions),
             log_probabilities=liking,
             silent=silent,
             waited=self.tick - self._last_visit[robots],

@@ -6,15 +6,15 @@ import numpy as np
 import numpy.typing as npt
 
 from magat_sim.case import Case
-from magat_sim.episode import EpisodeStreams
 from magat_sim.field_of_view import Uint8Array
 from magat_sim.grid import DELTAS, BoolArray, IntArray
 from magat_sim.relay import Bundle, Relay
-from magat_sim.simulator import DEFAULT_RULES, Rules, Simulator, Step, Wishes
+from magat_sim.simulator import DEFAULT_RULES, Actions, Rules, Simulator, Step
+from magat_sim.streams import EpisodeStreams
 
 
 @dataclass(frozen=True)
-class Sight:
+class RobotObservation:
     """What is told to one robot at the start of a tick."""
 
     #: ``[3, 11, 11]`` uint8.
@@ -26,7 +26,7 @@ class Sight:
 
 
 @dataclass(frozen=True)
-class Wish:
+class ReceivedPreference:
     """What one robot answered."""
 
     primitive: int
@@ -40,8 +40,8 @@ class Wish:
 class Outcome:
     """What a tick came to, for whoever watches."""
 
-    #: ``[N]`` the primitives wanted; IDLE where silent.
-    wanted: IntArray
+    #: ``[N]`` the primitives actions; IDLE where silent.
+    actions: IntArray
     step: Step
     #: ``[N]`` bool.
     silent: BoolArray
@@ -51,7 +51,7 @@ class Outcome:
     links: int
 
 
-class Episode:
+class DistributedEpisode:
     """Runs a `Simulator` of one world by `look`, `answer` and `advance`; counts what the radio did."""
 
     def __init__(
@@ -66,13 +66,13 @@ class Episode:
         self.robots = case.robots
         self.silent = self.features_missing = self.feature_bytes = self.answers = 0
         self._tags = streams.tags
-        self._wishes: dict[int, Wish] = {}
+        self._wishes: dict[int, ReceivedPreference] = {}
         self._robot_of: dict[int, int] = {}
         self._expected: list[int] = []
         self._audible: IntArray = np.zeros(0, dtype=np.int64)
         self._links = 0
 
-    def look(self, present: npt.ArrayLike) -> list[Sight]:
+    def look(self, present: npt.ArrayLike) -> list[RobotObservation]:
         """Start a tick: what each of the N robots sees, and whom of those ``present`` (``[N]`` bool) it hears."""
         present = np.asarray(present, dtype=bool)
         observation = self.simulator.observe()
@@ -85,7 +85,7 @@ class Episode:
         self._audible = np.array([len(a) for a in audible])
         self._links = int(self._audible[present].sum())
         return [
-            Sight(view, int(tag), self._tags.permutation(hears).tolist(), int(stream))
+            RobotObservation(view, int(tag), self._tags.permutation(hears).tolist(), int(stream))
             for view, tag, hears, stream in zip(
                 observation.field_of_view, tags, audible, observation.streams, strict=True
             )
@@ -95,7 +95,7 @@ class Episode:
         """End a round of messages that are relayed: for each of the N robots what it hears."""
         return self.relay.bundles(self._tags)
 
-    def answer(self, tag: int, wish: Wish) -> str | None:
+    def answer(self, tag: int, wish: ReceivedPreference) -> str | None:
         """Take the preference sent under ``tag``; None, or why it was dropped."""
         robot = self._robot_of.get(tag)
         if robot is None:
@@ -116,18 +116,18 @@ class Episode:
 
     def advance(self) -> Outcome:
         """End the tick: who is silent idles, the shield rules, the robots move."""
-        wanted = np.zeros(self.robots, dtype=np.int64)
+        actions = np.zeros(self.robots, dtype=np.int64)
         liking = np.zeros((self.robots, len(DELTAS)), dtype=np.float32)
         missing = np.zeros(self.robots, dtype=np.int64)
         for robot, wish in self._wishes.items():
-            wanted[robot], liking[robot] = wish.primitive, wish.log_probabilities
+            actions[robot], liking[robot] = wish.primitive, wish.log_probabilities
             missing[robot] = max(0, int(self._audible[robot]) - wish.heard)
             self.feature_bytes += wish.feature_bytes
         self.features_missing += int(missing.sum())
         self.answers += len(self._wishes)
         silent = ~self.answered
         self.silent += int(silent.sum())
-        return Outcome(wanted, self.simulator.step(Wishes(wanted, liking, silent)), silent, missing, self._links)
+        return Outcome(actions, self.simulator.step(Actions(actions, liking, silent)), silent, missing, self._links)
 
     @property
     def bytes_per_tick(self) -> float:

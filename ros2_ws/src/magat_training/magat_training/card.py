@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from magat_training.cases import EXPERT_W, SET_SEED, SPLITS
+from magat_evaluation.splits import EXPERT_W, SET_SEED, SPLITS
 from magat_training.train import TrainConfig, score
 
 

@@ -27,25 +27,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from magat_evaluation.cases import GENERATOR_VERSION, SolvedCase, solved_cases
+from magat_evaluation.splits import EXPERT_NODE_LIMIT, EXPERT_W, SET_SEED, SET_SIZE, SPLITS
+from magat_node.errors import MagatError
 from magat_sim.case import Case
 from magat_sim.grid import DELTAS, primitives_between
-from magat_training.cases import (
-    EXPERT_NODE_LIMIT,
-    EXPERT_W,
-    GENERATOR_VERSION,
-    SET_SEED,
-    SET_SIZE,
-    SPLITS,
-    SolvedCase,
-    solved_cases,
-)
 
 MANIFEST = "manifest.json"
 #: Cases a file: half a second of work, which is what an interruption costs.
 SHARD_CASES = 1_500
 
 
-class DataSetError(ValueError):
+class DataSetError(MagatError, ValueError):
     """A data set that cannot be made or read as asked; the message says why and what to do."""
 
 

@@ -6,13 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from magat_evaluation.cases import SolvedCase
+from magat_evaluation.planners import run_policy, simulator_for
+from magat_evaluation.splits import EXPERT_W
 from magat_expert import SolveStatus, solve_many
 from magat_robot.policy.policy import Policy
 from magat_sim.case import Case
 from magat_sim.grid import IntArray
 from magat_sim.measures import EpisodeMeasures
-from magat_training.cases import EXPERT_W, SolvedCase
-from magat_training.evaluate import run_policy, simulator_for
 from magat_training.samples import Instants
 
 #: Limit of a search, in high-level expansions. Lower than that of the cases: a policy that knows nothing yet brings

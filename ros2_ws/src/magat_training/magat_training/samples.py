@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from magat_evaluation.cases import SolvedCase
 from magat_sim.field_of_view import RADIUS, field_of_view, pad
 from magat_sim.grid import IntArray, primitives_between
 from magat_sim.radio import neighbours
 from magat_training import symmetry
-from magat_training.cases import SolvedCase
 
 
 @dataclass(frozen=True)

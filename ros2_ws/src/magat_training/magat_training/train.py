@@ -16,12 +16,12 @@ import torch
 from tensorboardX import SummaryWriter
 from torch.nn.functional import cross_entropy
 
+from magat_evaluation.cases import SolvedCase
+from magat_evaluation.planners import evaluate
 from magat_robot.policy.config import PolicyConfig
 from magat_robot.policy.network import PolicyNetwork
 from magat_robot.policy.policy import Policy
 from magat_sim.measures import summarise
-from magat_training.cases import SolvedCase
-from magat_training.evaluate import evaluate
 from magat_training.online import CORRECTIONS
 from magat_training.samples import Batch, Instants, Sampler
 from magat_training.workers import ALONE, Workers

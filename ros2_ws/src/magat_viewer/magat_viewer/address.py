@@ -3,13 +3,15 @@
 import errno
 import socket
 
+from magat_node.errors import MagatError
+
 #: This machine only, and the first port that is tried.
 HOST, PORT = "127.0.0.1", 8300
 #: Ports that are tried, from the first one on.
 _TRIES = 100
 
 
-class ServerError(RuntimeError):
+class ServerError(MagatError, RuntimeError):
     """The page cannot be served; the message says why and what to do."""
 
 

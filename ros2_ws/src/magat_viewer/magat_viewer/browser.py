@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from magat_node.errors import MagatError
+
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
@@ -25,7 +27,7 @@ _ARGUMENTS = [
 PATIENCE = 30.0
 
 
-class BrowserError(RuntimeError):
+class BrowserError(MagatError, RuntimeError):
     """There is no browser, or the page does not do in it what it should; the message says what."""
 
 

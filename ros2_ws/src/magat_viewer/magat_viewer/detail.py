@@ -22,7 +22,7 @@ from magat_sim.grid import BoolArray, IntArray
 from magat_sim.radio import neighbours
 
 if TYPE_CHECKING:
-    from magat_robot.policy.interface import Encoding
+    from magat_robot.policy.interface import LatentState
     from magat_robot.policy.policy import Policy  # torch takes a second to import, and is not always needed
 
 #: Why nothing is known of a robot's attention: somebody would have to listen to what robots say and answer.
@@ -30,7 +30,7 @@ UNHEARD = "which robots it heard is being found out"
 
 
 @dataclass(frozen=True)
-class Moment:
+class TeamSnapshot:
     """The team at the begin of a tick. N robots."""
 
     tick: int
@@ -58,19 +58,19 @@ class Moment:
 
 
 @dataclass(frozen=True)
-class Fate:
+class TickOutcome:
     """What became of one robot in a tick, as the world says, and its random stream."""
 
     silent: bool
     #: Messages in range that it did not hear.
     missing: int
     #: The primitive that it drew.
-    wanted: int
+    action: int
     stream: int
 
 
 @dataclass(frozen=True)
-class Said:
+class RobotTick:
     """What one robot was told and sent, and what it answered, in one tick."""
 
     #: ``[3, 11, 11]`` uint8.
@@ -84,11 +84,11 @@ class Said:
     #: Its `Preference`; None if it was silent, or nobody listened.
     preference: Any = None
     #: To go by where that is not there because nobody listened.
-    fate: Fate | None = None
+    fate: TickOutcome | None = None
 
 
 @dataclass(frozen=True)
-class _Mind:
+class _Reconstruction:
     """What is known of a robot's deciding."""
 
     #: Why no attention is known.
@@ -100,7 +100,7 @@ class _Mind:
     attention: dict[int, list[float]] = field(default_factory=dict)
 
 
-def detail(robot: int, moment: Moment, said: Said, policy: "Policy | str") -> dict[str, Any]:
+def detail(robot: int, moment: TeamSnapshot, said: RobotTick, policy: "Policy | str") -> dict[str, Any]:
     """All that is shown of ``robot`` at ``moment``.
 
     Args:
@@ -119,9 +119,11 @@ def detail(robot: int, moment: Moment, said: Said, policy: "Policy | str") -> di
         mind = _followed(moment, near, said, said.fate, policy)
     else:
         attention, why = _attention(moment, near, said, policy)
-        mind = _Mind(why, attention=attention)
+        mind = _Reconstruction(why, attention=attention)
         if (wish := said.preference) is not None:
-            mind = _Mind(why, _probabilities(wish.log_probabilities), int(wish.primitive), int(wish.heard), attention)
+            mind = _Reconstruction(
+                why, _probabilities(wish.log_probabilities), int(wish.primitive), int(wish.heard), attention
+            )
     return {
         "kind": "detail",
         "robot": robot,
@@ -136,17 +138,19 @@ def detail(robot: int, moment: Moment, said: Said, policy: "Policy | str") -> di
     }
 
 
-def _followed(moment: Moment, near: list[int], said: Said, fate: Fate, policy: "Policy | str") -> _Mind:
-    """What a robot must have thought that heard all of ``near`` in a tick of at most one round; else nothing."""
+def _followed(
+    moment: TeamSnapshot, near: list[int], said: RobotTick, fate: TickOutcome, policy: "Policy | str"
+) -> _Reconstruction:
+    """What a robot must have state that heard all of ``near`` in a tick of at most one round; else nothing."""
     if fate.silent:
-        return _Mind("it did not answer")
+        return _Reconstruction("it did not answer")
     if why := _unknowable(moment, policy):
-        return _Mind(why, primitive=fate.wanted)
+        return _Reconstruction(why, primitive=fate.action)
     assert not isinstance(policy, str)
-    unheard = _Mind(UNHEARD, primitive=fate.wanted)
+    unheard = _Reconstruction(UNHEARD, primitive=fate.action)
     if policy.rounds > 1 or fate.missing or said.audible != len(near):
         return unheard
-    own = policy.encode(said.view[None])
+    own = policy.perceive(said.view[None])
     attention: dict[int, list[float]] = {}
     why = f"robots with {policy.config.name} do not talk"
     if policy.rounds:
@@ -154,9 +158,9 @@ def _followed(moment: Moment, near: list[int], said: Said, fate: Fate, policy: "
         attention, why = _by_neighbour(policy, own, messages, present, near), ""
         own = policy.hear(own, messages, present)
     decision = policy.decide(own, np.array([fate.stream], dtype=np.uint64), moment.tick)
-    if decision.primitives[0] != fate.wanted:
+    if decision.primitives[0] != fate.action:
         return unheard
-    return _Mind(why, _probabilities(decision.log_probabilities[0]), fate.wanted, said.audible, attention)
+    return _Reconstruction(why, _probabilities(decision.log_probabilities[0]), fate.action, said.audible, attention)
 
 
 def _probabilities(logarithms: Any) -> list[float]:
@@ -170,7 +174,7 @@ def _near(robot: int, positions: IntArray) -> list[int]:
 
 
 def _attention(
-    moment: Moment, near: list[int], said: Said, policy: "Policy | str"
+    moment: TeamSnapshot, near: list[int], said: RobotTick, policy: "Policy | str"
 ) -> tuple[dict[int, list[float]], str]:
     """How much the robot listened to those of ``near`` that it heard, by head; and why nothing is known of it."""
     if why := _unknowable(moment, policy):
@@ -193,23 +197,23 @@ def _attention(
     if left.total():
         return {}, f"what it heard is not what {policy.config.name} says: do the robots carry another policy?"
     messages, present = _messages(spoken[heard], encoding)
-    return _by_neighbour(policy, policy.encode(said.view[None]), messages, present, [near[at] for at in heard]), ""
+    return _by_neighbour(policy, policy.perceive(said.view[None]), messages, present, [near[at] for at in heard]), ""
 
 
-def _unknowable(moment: Moment, policy: "Policy | str") -> str:
+def _unknowable(moment: TeamSnapshot, policy: "Policy | str") -> str:
     """Why nothing can be computed again; nothing if it can."""
     if isinstance(policy, str):
         return policy
     return "" if moment.obstacles is not None else "the map is not known before the next episode begins"
 
 
-def _encoding(said: Said, policy: "Policy") -> str:
+def _encoding(said: RobotTick, policy: "Policy") -> str:
     return said.encoding if said.encoding in ENCODINGS else policy.config.encoding
 
 
-def _spoken(moment: Moment, near: list[int], policy: "Policy") -> npt.NDArray[np.float32]:
+def _spoken(moment: TeamSnapshot, near: list[int], policy: "Policy") -> npt.NDArray[np.float32]:
     """``[len(near), n]`` what those must have said in the first round."""
-    return policy.encode(moment.views(near)).messages
+    return policy.perceive(moment.views(near)).messages
 
 
 def _messages(spoken: npt.NDArray[np.float32], encoding: str) -> tuple[npt.NDArray[np.float32], BoolArray]:
@@ -218,7 +222,7 @@ def _messages(spoken: npt.NDArray[np.float32], encoding: str) -> tuple[npt.NDArr
 
 
 def _by_neighbour(
-    policy: "Policy", own: "Encoding", messages: npt.NDArray[np.float32], present: BoolArray, heard: list[int]
+    policy: "Policy", own: "LatentState", messages: npt.NDArray[np.float32], present: BoolArray, heard: list[int]
 ) -> dict[int, list[float]]:
     """The attention to each of ``heard``, by head."""
     weights = policy.attention(own, messages, present)[0]

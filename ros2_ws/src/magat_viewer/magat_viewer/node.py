@@ -19,10 +19,10 @@ from rclpy.subscription import Subscription
 from magat_interfaces.msg import Feature, FeatureBundle, Observation, Preference, RobotStatus, World
 from magat_node import cdr, qos
 from magat_robot.policy.config import OBSERVATION_SHAPE, ModelError
-from magat_sim.view import fault
-from magat_viewer.detail import Fate, Moment, Said, detail
+from magat_viewer.detail import RobotTick, TeamSnapshot, TickOutcome, detail
 from magat_viewer.health import Health
-from magat_viewer.state import EpisodeState
+from magat_viewer.watched_episode import WatchedEpisode
+from magat_viewer.world_check import fault
 
 if TYPE_CHECKING:
     from magat_robot.policy.policy import Policy
@@ -53,7 +53,7 @@ class LiveTeam:
     """The team of a namespace, a `Source`. No robot and no simulator notices whether anybody looks.
 
     Worlds and statuses are heard always; what robots are told, only while people look at them; and what robots say and
-    answer, only while that is needed to know what those thought (see `magat_viewer.detail`).
+    answer, only while that is needed to know what those state (see `magat_viewer.detail`).
     """
 
     live = True
@@ -77,14 +77,14 @@ class LiveTeam:
         self._world = self._listen(World, "world", qos.reliable(_DEPTH))
         self._status = self._listen(RobotStatus, "robot_status", qos.reliable(_SHARED_DEPTH))
         self._talk: list[Subscription] = []
-        #: Whether what robots say and answer has to be heard, to know what the chosen ones thought.
+        #: Whether what robots say and answer has to be heard, to know what the chosen ones state.
         self._closely = False
         self._ears: dict[str, _Ear] = {}
         self._said: deque[bytes] = deque()
         self._wished: deque[bytes] = deque()
         self._worlds: deque[World] = deque(maxlen=_TICKS)
         self._frames: deque[tuple[int, bytes]] = deque(maxlen=_FRAMES)
-        self._episode: EpisodeState | None = None
+        self._episode: WatchedEpisode | None = None
         self._results: list[dict[str, Any]] = []
         self._health = Health()
         self._policies: dict[str, Policy | str] = {}
@@ -152,8 +152,8 @@ class LiveTeam:
             if told.episode == state.id and told.tick in worlds and told.tick + 1 in worlds and _usable(told):
                 world, after = worlds[told.tick], worlds[told.tick + 1]
                 positions = np.stack([world.x, world.y], axis=1).astype(np.int64)
-                moment = Moment(told.tick, positions, state.goals, state.obstacles)
-                fate = Fate(after.silent[robot], after.missing[robot], after.wanted[robot], told.stream)
+                moment = TeamSnapshot(told.tick, positions, state.goals, state.obstacles)
+                fate = TickOutcome(after.silent[robot], after.missing[robot], after.action[robot], told.stream)
                 found = detail(robot, moment, self._heard(name, told, fate), self._policy(name))
                 soon = found["why"] in (_UNSAID, _LOADING)
                 self._closely |= found["probabilities"] is None and not fate.silent and not soon
@@ -168,7 +168,7 @@ class LiveTeam:
         if self._episode is None or not self._episode.holds(world):
             # Without a map nothing can be computed again, and this one brings its own.
             self._closely &= self._episode is not None and self._episode.obstacles is not None
-            self._episode = EpisodeState(self.newest + 1, world)
+            self._episode = WatchedEpisode(self.newest + 1, world)
             self._worlds.clear()
             self._frames.clear()
             self._results = [*self._results[-_RESULTS:], self._episode.result()]
@@ -205,7 +205,7 @@ class LiveTeam:
                 self.node.destroy_subscription(subscription)
             self._talk = []
 
-    def _heard(self, robot: str, told: Observation, fate: Fate) -> Said:
+    def _heard(self, robot: str, told: Observation, fate: TickOutcome) -> RobotTick:
         """What one robot heard in the first round of a tick, and what it answered, as far as it is listened to."""
         at, audible = (told.episode, told.tick, 0), set(told.audible_tags)
         ear, status = self._ears[robot], self._health.status_of(robot)
@@ -223,7 +223,7 @@ class LiveTeam:
         all_came = answer is not None and len(payloads) >= answer.heard
         view = np.frombuffer(told.field_of_view, dtype=np.uint8).reshape(OBSERVATION_SHAPE)
         encoding = status.encoding if status else ""
-        return Said(view, len(audible), payloads if all_came else None, encoding, answer, fate)
+        return RobotTick(view, len(audible), payloads if all_came else None, encoding, answer, fate)
 
     def _answer(self, told: Observation) -> Preference | None:
         """The preference under the tag of an observation; only messages that hold its bytes are made objects of."""

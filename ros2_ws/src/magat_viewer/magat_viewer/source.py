@@ -23,7 +23,7 @@ class Source(Protocol):
         """Number of the newest episode; -1 before the first one."""
 
     def results(self) -> list[dict[str, Any]]:
-        """One `EpisodeState.result` an episode."""
+        """One `WatchedEpisode.result` an episode."""
 
     def scene(self, episode: int) -> dict[str, Any]:
         """What stays of it."""

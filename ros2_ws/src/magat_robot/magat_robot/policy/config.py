@@ -4,6 +4,7 @@ import re
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
+from magat_node.errors import MagatError
 from magat_robot.policy.grids import ACTIVATION_MAX, SUM_MAX
 
 _NAME = re.compile(
@@ -23,7 +24,7 @@ ENCODINGS = {"float32": 0, "float16": 1, "int8": 2}
 ENCODING_NAMES = {number: name for name, number in ENCODINGS.items()}
 
 
-class ModelError(ValueError):
+class ModelError(MagatError, ValueError):
     """A policy folder, name or configuration that cannot be used; the message says why and what to do."""
 
 

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from magat_robot.policy.config import PRIMITIVES
 from magat_robot.policy.folder import read_folder
-from magat_robot.policy.interface import Decision, Encoding
+from magat_robot.policy.interface import Decision, LatentState
 from magat_robot.policy.sampling import choose, uniform
 
 
@@ -24,19 +24,19 @@ class EchoPolicy:
         config, self.digest, _ = read_folder(folder)
         self.config = config.deployed(**changes)
 
-    def encode(self, view: npt.NDArray[np.uint8]) -> Encoding:
-        """See `RobotPolicy.encode`."""
+    def perceive(self, view: npt.NDArray[np.uint8]) -> LatentState:
+        """See `RobotPolicy.perceive`."""
         return self._after(0, len(view))
 
-    def hear(self, own: Encoding, messages: npt.NDArray[np.float32], present: npt.NDArray[np.bool_]) -> Encoding:
+    def hear(self, own: LatentState, messages: npt.NDArray[np.float32], present: npt.NDArray[np.bool_]) -> LatentState:
         """See `RobotPolicy.hear`."""
-        return self._after(own.thought + 1, len(own.messages))
+        return self._after(own.state + 1, len(own.messages))
 
-    def decide(self, own: Encoding, streams: npt.NDArray[np.uint64], tick: int) -> Decision:
+    def decide(self, own: LatentState, streams: npt.NDArray[np.uint64], tick: int) -> Decision:
         """See `RobotPolicy.decide`."""
         weights = np.ones((len(own.messages), PRIMITIVES))
         return Decision(weights, choose(weights, uniform(streams, tick)))
 
-    def _after(self, rounds: int, robots: int) -> Encoding:
+    def _after(self, rounds: int, robots: int) -> LatentState:
         sizes = (*self.config.message_sizes, 0)
-        return Encoding(rounds, np.zeros((robots, sizes[rounds]), dtype=np.float32))
+        return LatentState(rounds, np.zeros((robots, sizes[rounds]), dtype=np.float32))

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from magat_robot.policy import fixed_point as fp
 from magat_robot.policy.config import OBSERVATION_SHAPE, ModelError
 from magat_robot.policy.folder import EXPORT
-from magat_robot.policy.network import PolicyNetwork, Thought, deploy
+from magat_robot.policy.network import NodeState, PolicyNetwork, to_fixed_point
 from magat_robot.policy.onnx_policy import (
     CONTENTS,
     GIVEN,
@@ -39,7 +39,7 @@ def export(folder: Path) -> Path:
         ModelError: as `load_network`.
     """
     network, digest = load_network(folder)
-    deployed = deploy(network)
+    deployed = to_fixed_point(network)
     fp.exp_weights(torch.zeros(1, 1, dtype=torch.float64))  # tables are made before they are traced
     draft = folder / f"{EXPORT}.draft"
     shutil.rmtree(draft, ignore_errors=True)
@@ -48,20 +48,20 @@ def export(folder: Path) -> Path:
     temperature = {TEMPERATURE: torch.tensor(1.0, dtype=torch.float64)}
     names = part_names(deployed.rounds)
     part: _Part = _Look(deployed)
-    given, thought = {VIEW: view}, deployed.look(view)
+    given, state = {VIEW: view}, deployed.look(view)
     for number, name in enumerate(names):
         if number > 0:
-            message = deployed.message(thought)
+            message = deployed.message(state)
             heard = {
                 MESSAGES: message[:, None].expand(-1, _PLACES, -1).contiguous(),
                 PRESENT: torch.ones(_ROBOTS, _PLACES, dtype=torch.bool),
             }
-            part = _Hear(deployed, number - 1, list(_fields(thought)))
-            given, thought = _fields(thought) | heard, deployed.hear(thought, *heard.values())
-        if thought.rounds == deployed.rounds:
+            part = _Hear(deployed, number - 1, list(_fields(state)))
+            given, state = _fields(state) | heard, deployed.hear(state, *heard.values())
+        if state.rounds == deployed.rounds:
             _write(draft / name, part, given | temperature, [RESULT])
         else:
-            _write(draft / name, part, given, [*_fields(thought), MESSAGE])
+            _write(draft / name, part, given, [*_fields(state), MESSAGE])
     files = {name: hashlib.sha256((draft / name).read_bytes()).hexdigest() for name in names}
     (draft / CONTENTS).write_text(json.dumps({"weights": digest, "files": files}, indent=2) + "\n")
     shutil.rmtree(folder / EXPORT, ignore_errors=True)
@@ -78,10 +78,10 @@ def exported(folder: Path) -> Path:
     return folder / EXPORT
 
 
-def _fields(thought: Thought) -> dict[str, Tensor]:
-    """The tensors of ``thought`` by name."""
-    fields = {"features": thought.features, "x": thought.x, "total": thought.total}
-    return fields if thought.brought is None else fields | {"brought": thought.brought}
+def _fields(state: NodeState) -> dict[str, Tensor]:
+    """The tensors of ``state`` by name."""
+    fields = {"features": state.features, "x": state.x, "total": state.total}
+    return fields if state.aggregated is None else fields | {"aggregated": state.aggregated}
 
 
 class _Part(nn.Module):
@@ -89,12 +89,12 @@ class _Part(nn.Module):
         super().__init__()
         self.network = network
 
-    def outputs(self, thought: Thought, temperature: Tensor | None) -> tuple[Tensor, ...]:
+    def outputs(self, state: NodeState, temperature: Tensor | None) -> tuple[Tensor, ...]:
         if temperature is not None:
-            exponents = fp.snap(self.network.logits(thought) / temperature, fp.EXPONENT_BITS, -1e6, 1e6)
+            exponents = fp.snap(self.network.logits(state) / temperature, fp.EXPONENT_BITS, -1e6, 1e6)
             return (fp.exp_weights(exponents),)
         # Copies: an output that is an input, or another output, would lose its name.
-        return tuple(tensor.clone() for tensor in (*_fields(thought).values(), self.network.message(thought)))
+        return tuple(tensor.clone() for tensor in (*_fields(state).values(), self.network.message(state)))
 
 
 class _Look(_Part):
@@ -110,8 +110,8 @@ class _Hear(_Part):
     def forward(self, *inputs: Tensor) -> tuple[Tensor, ...]:
         fields, (messages, present, *temperature) = inputs[: len(self.names)], inputs[len(self.names) :]
         known = dict(zip(self.names, fields, strict=True))
-        thought = Thought(known["features"], self.rounds, known["x"], known.get("brought"), known["total"])
-        return self.outputs(self.network.hear(thought, messages, present), temperature[0] if temperature else None)
+        state = NodeState(known["features"], self.rounds, known["x"], known.get("aggregated"), known["total"])
+        return self.outputs(self.network.hear(state, messages, present), temperature[0] if temperature else None)
 
 
 def _write(path: Path, part: _Part, inputs: dict[str, Tensor], outputs: list[str]) -> None:

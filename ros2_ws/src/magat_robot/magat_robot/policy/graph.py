@@ -27,18 +27,18 @@ class GraphLayer(fp.Exactable, ABC):
         for matrix in self.taps.data.flatten(0, 1):
             nn.init.kaiming_uniform_(matrix.T, nonlinearity="relu")
 
-    def message(self, x: Tensor, brought: Tensor | None) -> Tensor:
-        """What a robot sends: its x ``[R, F]`` in the first round; later also what the rounds before ``brought`` it.
+    def message(self, x: Tensor, aggregated: Tensor | None) -> Tensor:
+        """What a robot sends: its x ``[R, F]`` in the first round; later also what the rounds before ``aggregated`` it.
 
         Args:
             x: ``[R, F]``.
-            brought: ``[R, P, F]``, of `receive`; None in the first round.
+            aggregated: ``[R, P, F]``, of `receive`; None in the first round.
 
         Returns:
             ``[R, F]``, later ``[R, F + P * F]``.
         """
         # With x in each message, its receiver weighs it anew, and needs not know whose it was a round before.
-        return x if brought is None else torch.cat([x, brought.flatten(1)], dim=1)
+        return x if aggregated is None else torch.cat([x, aggregated.flatten(1)], dim=1)
 
     def receive(self, x: Tensor, messages: Tensor, present: Tensor) -> Tensor:
         """One hop: the weighed mean of what the neighbours sent, head by head.
@@ -73,9 +73,9 @@ class GraphLayer(fp.Exactable, ABC):
             Weights ``[R, P, M]``, 0 where there is no message, and their sums ``[R, P, 1]``; e_ij is their quotient.
         """
 
-    def tap(self, hops: int, brought: Tensor) -> Tensor:
+    def tap(self, hops: int, aggregated: Tensor) -> Tensor:
         """``[(E * S)^k X] A_k`` for k = ``hops`` from 1: ``[R, P, F]`` to ``[R, P * G]``."""
-        return torch.einsum("rpf,pfg->rpg", brought.expand(-1, self.heads, -1), self.taps[hops - 1]).flatten(1)
+        return torch.einsum("rpf,pfg->rpg", aggregated.expand(-1, self.heads, -1), self.taps[hops - 1]).flatten(1)
 
     def fold(self) -> None:
         """Compute in advance what depends on weights alone; called once, on deployment."""
@@ -155,9 +155,9 @@ class GraphConvolution(GraphLayer):
         super().__init__(inputs, outputs, heads, taps)
         self.normalise = normalise
 
-    def message(self, x: Tensor, brought: Tensor | None) -> Tensor:
+    def message(self, x: Tensor, aggregated: Tensor | None) -> Tensor:
         """As `GraphLayer.message`, but without x from the second round on: ``[R, F]``."""
-        return x if brought is None else brought.flatten(1)
+        return x if aggregated is None else aggregated.flatten(1)
 
     def receive(self, x: Tensor, messages: Tensor, present: Tensor) -> Tensor:
         """As `GraphLayer.receive`, but one for all heads: ``[R, 1, F]``."""

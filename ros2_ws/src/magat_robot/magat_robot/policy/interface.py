@@ -10,11 +10,11 @@ from magat_robot.policy.config import PolicyConfig
 
 
 @dataclass(frozen=True)
-class Encoding:
+class LatentState:
     """What R robots know after looking, and after each round of messages; and what they send next."""
 
     #: What they have made of the tick so far, in the form that the backend likes; never sent.
-    thought: Any
+    state: Any
     #: ``[R, n]`` float32, n of `PolicyConfig.message_sizes`: what each sends. In the first round these are the features
     #: x, whose values are exact in float16, too.
     messages: npt.NDArray[np.float32]
@@ -47,14 +47,14 @@ class RobotPolicy(Protocol):
     #: SHA-256 of the weights, hexadecimal.
     digest: str
 
-    def encode(self, view: npt.NDArray[np.uint8]) -> Encoding:
+    def perceive(self, view: npt.NDArray[np.uint8]) -> LatentState:
         """Look: ``[R, 3, 11, 11]`` of 0 and 1.
 
         Raises:
             ValueError: another shape, or other values: exact sums rest on them.
         """
 
-    def hear(self, own: Encoding, messages: npt.NDArray[np.float32], present: npt.NDArray[np.bool_]) -> Encoding:
+    def hear(self, own: LatentState, messages: npt.NDArray[np.float32], present: npt.NDArray[np.bool_]) -> LatentState:
         """One round of messages, of those that a tick has.
 
         Args:
@@ -63,5 +63,5 @@ class RobotPolicy(Protocol):
             present: ``[R, M]`` which of the M places hold a message.
         """
 
-    def decide(self, own: Encoding, streams: npt.NDArray[np.uint64], tick: int) -> Decision:
+    def decide(self, own: LatentState, streams: npt.NDArray[np.uint64], tick: int) -> Decision:
         """After the last round: weigh the primitives, and draw from each robot's stream (``[R]``) for ``tick``."""

@@ -1,7 +1,7 @@
 """The network of a policy: CNN, feature reduction, graph layers, action MLP (MAGAT paper, Sec. IV and V-C).
 
-One definition, two ways to compute: as built it is trained in float32; `deploy` turns a copy of it into the fixed-point
-form that robots and simulators run (see `fixed_point`).
+One definition, two ways to compute it: as built, the network is trained in float32; `to_fixed_point` turns a copy of it
+into the fixed-point form that robots and simulators run (see `fixed_point`).
 """
 
 import copy
@@ -17,7 +17,7 @@ from magat_robot.policy.graph import GraphLayer, graph_layer
 
 
 @dataclass(frozen=True)
-class Thought:
+class NodeState:
     """What R robots have made of a tick so far, between rounds of messages."""
 
     #: ``[R, 128]`` the CNN's features; never sent.
@@ -26,8 +26,8 @@ class Thought:
     rounds: int
     #: ``[R, F]`` what the current graph layer works on; after the last one, what all of them made of it.
     x: Tensor
-    #: ``[R, P, F]`` what the current layer's rounds brought last; None before its first.
-    brought: Tensor | None
+    #: ``[R, P, F]`` what the current layer's rounds aggregated last; None before its first.
+    aggregated: Tensor | None
     #: ``[R, P * G]`` the current layer's sum so far.
     total: Tensor
 
@@ -54,30 +54,30 @@ class PolicyNetwork(fp.Exactable):
         """Rounds of messages in a tick."""
         return len(self.config.message_sizes)
 
-    def look(self, view: Tensor) -> Thought:
+    def look(self, view: Tensor) -> NodeState:
         """Before the exchange: ``[R, 3, 11, 11]`` float32."""
         features = self.extractor(view)
         x = fp.rectified(self.reduction(features), self.exact)
-        return self._enter(0, Thought(features, 0, x, None, x))
+        return self._enter(0, NodeState(features, 0, x, None, x))
 
-    def message(self, thought: Thought) -> Tensor:
+    def message(self, state: NodeState) -> Tensor:
         """What each robot sends next: ``[R, n]``, n of `PolicyConfig.message_sizes`."""
         if self.config.taps == 1:
-            return thought.x[:, :0]
-        return self._layer(thought.rounds // (self.config.taps - 1)).message(thought.x, thought.brought)
+            return state.x[:, :0]
+        return self._layer(state.rounds // (self.config.taps - 1)).message(state.x, state.aggregated)
 
-    def hear(self, thought: Thought, messages: Tensor, present: Tensor) -> Thought:
+    def hear(self, state: NodeState, messages: Tensor, present: Tensor) -> NodeState:
         """One round: messages ``[R, M, n]`` in any order, ``present`` ``[R, M]`` bool says which places hold one."""
-        rounds, hops = thought.rounds + 1, self.config.taps - 1
+        rounds, hops = state.rounds + 1, self.config.taps - 1
         if hops == 0:
-            return replace(thought, rounds=rounds)
-        number, hop = divmod(thought.rounds, hops)
+            return replace(state, rounds=rounds)
+        number, hop = divmod(state.rounds, hops)
         layer = self._layer(number)
-        brought = layer.receive(thought.x, messages, present)
-        thought = replace(thought, rounds=rounds, brought=brought, total=thought.total + layer.tap(hop + 1, brought))
-        return thought if hop + 1 < hops else self._leave(number, thought)
+        aggregated = layer.receive(state.x, messages, present)
+        state = replace(state, rounds=rounds, aggregated=aggregated, total=state.total + layer.tap(hop + 1, aggregated))
+        return state if hop + 1 < hops else self._leave(number, state)
 
-    def attention(self, thought: Thought, messages: Tensor, present: Tensor) -> Tensor:
+    def attention(self, state: NodeState, messages: Tensor, present: Tensor) -> Tensor:
         """How much each robot listens to what `hear` would hear: ``[R, P, M]``, e_ij of Eq. 7, or 1 where it adds up.
 
         Raises:
@@ -85,13 +85,13 @@ class PolicyNetwork(fp.Exactable):
         """
         if self.config.taps == 1:
             raise ValueError(f"{self.config.name} has one tap: its robots do not talk, and there is no attention")
-        layer = self._layer(thought.rounds // (self.config.taps - 1))
-        weights, total = layer.attention(thought.x, messages[:, :, : layer.inputs], present)
+        layer = self._layer(state.rounds // (self.config.taps - 1))
+        weights, total = layer.attention(state.x, messages[:, :, : layer.inputs], present)
         return weights / total
 
-    def logits(self, thought: Thought) -> Tensor:
+    def logits(self, state: NodeState) -> Tensor:
         """After the last round: ``[R, 5]``."""
-        x = torch.cat([thought.features, thought.x], dim=1) if self.config.bottleneck else thought.x
+        x = torch.cat([state.features, state.x], dim=1) if self.config.bottleneck else state.x
         logits = self.action(fp.rectified(self.hidden(x), self.exact))
         return fp.snap(logits, fp.EXPONENT_BITS, -fp.SIGNED_MAX, fp.SIGNED_MAX) if self.exact else logits
 
@@ -105,27 +105,27 @@ class PolicyNetwork(fp.Exactable):
         Returns:
             ``[R, 5]`` logits.
         """
-        thought, present, rows = self.look(view), heard >= 0, heard.clamp_min(0)
+        state, present, rows = self.look(view), heard >= 0, heard.clamp_min(0)
         for _ in range(self.rounds):
-            thought = self.hear(thought, self.message(thought)[rows], present)
-        return self.logits(thought)
+            state = self.hear(state, self.message(state)[rows], present)
+        return self.logits(state)
 
     def _layer(self, number: int) -> GraphLayer:
         layer = self.layers[number]
         assert isinstance(layer, GraphLayer)
         return layer
 
-    def _enter(self, number: int, thought: Thought) -> Thought:
-        total = self._layer(number).own(thought.x)
-        thought = replace(thought, brought=None, total=total)
-        return thought if self.config.taps > 1 else self._leave(number, thought)
+    def _enter(self, number: int, state: NodeState) -> NodeState:
+        total = self._layer(number).own(state.x)
+        state = replace(state, aggregated=None, total=total)
+        return state if self.config.taps > 1 else self._leave(number, state)
 
-    def _leave(self, number: int, thought: Thought) -> Thought:
-        thought = replace(thought, x=fp.rectified(thought.total, self.exact))
-        return thought if number + 1 == self.config.layers else self._enter(number + 1, thought)
+    def _leave(self, number: int, state: NodeState) -> NodeState:
+        state = replace(state, x=fp.rectified(state.total, self.exact))
+        return state if number + 1 == self.config.layers else self._enter(number + 1, state)
 
 
-def deploy(network: PolicyNetwork) -> PolicyNetwork:
+def to_fixed_point(network: PolicyNetwork) -> PolicyNetwork:
     """A copy of ``network`` in fixed point: normalisation folded, weights on their grids, exact sums.
 
     Convolutions stay in float32, everything after them is computed in float64.

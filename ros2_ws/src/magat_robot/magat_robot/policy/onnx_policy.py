@@ -15,12 +15,12 @@ import onnxruntime
 
 from magat_robot.policy.config import OBSERVATION_SHAPE, ModelError
 from magat_robot.policy.folder import EXPORT, read_folder
-from magat_robot.policy.interface import Decision, Encoding
+from magat_robot.policy.interface import Decision, LatentState
 from magat_robot.policy.sampling import choose, uniform
 
 #: Table of contents of the exported policy.
 CONTENTS = "contents.json"
-#: What a session takes and gives besides the thought.
+#: What a session takes and gives besides the state.
 VIEW, MESSAGE, MESSAGES, PRESENT, TEMPERATURE, RESULT = (
     "view",
     "message",
@@ -77,31 +77,31 @@ class OnnxPolicy:
             raise ModelError(f"onnxruntime cannot load {folder / EXPORT}: {error}") from error
         self._temperature = np.array(self.config.temperature)
 
-    def encode(self, view: npt.NDArray[np.uint8]) -> Encoding:
-        """See `RobotPolicy.encode`."""
+    def perceive(self, view: npt.NDArray[np.uint8]) -> LatentState:
+        """See `RobotPolicy.perceive`."""
         if view.shape[1:] != OBSERVATION_SHAPE:
             raise ValueError(f"an observation has shape {OBSERVATION_SHAPE}, not {view.shape[1:]}")
         if view.size and view.max() > 1:
             raise ValueError(f"an observation holds 0 and 1, not {view.max()}")
         return self._next(0, {VIEW: view.astype(np.float32)})
 
-    def hear(self, own: Encoding, messages: npt.NDArray[np.float32], present: npt.NDArray[np.bool_]) -> Encoding:
+    def hear(self, own: LatentState, messages: npt.NDArray[np.float32], present: npt.NDArray[np.bool_]) -> LatentState:
         """See `RobotPolicy.hear`."""
         if messages.shape[1] == 0:  # an empty place more changes nothing, and spares the operators an empty dimension
             messages, present = np.pad(messages, ((0, 0), (0, 1), (0, 0))), np.pad(present, ((0, 0), (0, 1)))
         heard = np.where(present[:, :, None], messages, np.float32(0)).astype(np.float64)
-        return self._next(own.thought["part"], own.thought | {MESSAGES: heard, PRESENT: present})
+        return self._next(own.state["part"], own.state | {MESSAGES: heard, PRESENT: present})
 
-    def decide(self, own: Encoding, streams: npt.NDArray[np.uint64], tick: int) -> Decision:
+    def decide(self, own: LatentState, streams: npt.NDArray[np.uint64], tick: int) -> Decision:
         """See `RobotPolicy.decide`."""
-        weights = own.thought[RESULT]
+        weights = own.state[RESULT]
         return Decision(weights, choose(weights, uniform(streams, tick)))
 
-    def _next(self, part: int, values: dict[str, Any]) -> Encoding:
-        thought = self._parts[part](values | {TEMPERATURE: self._temperature})
+    def _next(self, part: int, values: dict[str, Any]) -> LatentState:
+        state = self._parts[part](values | {TEMPERATURE: self._temperature})
         # The last part weighs, and there is nothing to send any more.
-        message = thought.pop(MESSAGE) if MESSAGE in thought else np.zeros((len(thought[RESULT]), 0))
-        return Encoding(thought | {"part": part + 1}, message.astype(np.float32))
+        message = state.pop(MESSAGE) if MESSAGE in state else np.zeros((len(state[RESULT]), 0))
+        return LatentState(state | {"part": part + 1}, message.astype(np.float32))
 
 
 def _read_export(folder: Path, digest: str, names: list[str]) -> list[bytes]:

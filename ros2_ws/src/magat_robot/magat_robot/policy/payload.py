@@ -20,7 +20,7 @@ class PayloadError(ValueError):
 
 
 def encode(values: Values, encoding: str) -> bytes:
-    """``values`` ``[n]`` (see `Encoding.messages`) as bytes, little-endian.
+    """``values`` ``[n]`` (see `LatentState.messages`) as bytes, little-endian.
 
     float32 and float16 are IEEE 754; int8 is the largest value as float32, then each value in 255ths of it, unsigned.
     """

@@ -7,9 +7,9 @@ import torch
 from magat_robot.policy import fixed_point as fp
 from magat_robot.policy import payload
 from magat_robot.policy.config import OBSERVATION_SHAPE, PRIMITIVES, PolicyConfig
-from magat_robot.policy.interface import Decision, Encoding
-from magat_robot.policy.network import PolicyNetwork, Thought, deploy
-from magat_robot.policy.recall import Recall
+from magat_robot.policy.interface import Decision, LatentState
+from magat_robot.policy.latent_cache import LatentCache
+from magat_robot.policy.network import NodeState, PolicyNetwork, to_fixed_point
 from magat_robot.policy.sampling import choose, uniform
 
 #: Robots computed in one go: larger batches fall out of the processor's cache.
@@ -23,11 +23,11 @@ class Policy:
         """Deploy a copy of ``network``; ``digest`` names its weights."""
         self.config: PolicyConfig = network.config
         self.digest = digest
-        self._network = deploy(network)
-        self._recall = Recall(self.encode)
+        self._network = to_fixed_point(network)
+        self._cache = LatentCache(self.perceive)
 
     @torch.inference_mode()
-    def encode(self, view: npt.NDArray[np.uint8]) -> Encoding:
+    def perceive(self, view: npt.NDArray[np.uint8]) -> LatentState:
         """Look.
 
         Args:
@@ -43,10 +43,10 @@ class Policy:
         inputs = torch.from_numpy(view.astype(np.float32)).contiguous(memory_format=torch.channels_last)
         parts = [self._network.look(chunk) for chunk in inputs.split(_CHUNK)]
         features, x, total = (torch.cat([getattr(part, name) for part in parts]) for name in ("features", "x", "total"))
-        return self._encoding(Thought(features, 0, x, None, total))
+        return self._encoding(NodeState(features, 0, x, None, total))
 
     @torch.inference_mode()
-    def hear(self, own: Encoding, messages: npt.NDArray[np.float32], present: npt.NDArray[np.bool_]) -> Encoding:
+    def hear(self, own: LatentState, messages: npt.NDArray[np.float32], present: npt.NDArray[np.bool_]) -> LatentState:
         """One round of messages, of those that a tick has.
 
         Args:
@@ -56,11 +56,11 @@ class Policy:
         """
         # What stands in empty places must not matter, and NaN times 0 would.
         heard = torch.from_numpy(np.where(present[:, :, None], messages, np.float32(0))).double()
-        return self._encoding(self._network.hear(own.thought, heard, torch.from_numpy(present)))
+        return self._encoding(self._network.hear(own.state, heard, torch.from_numpy(present)))
 
     @torch.inference_mode()
     def attention(
-        self, own: Encoding, messages: npt.NDArray[np.float32], present: npt.NDArray[np.bool_]
+        self, own: LatentState, messages: npt.NDArray[np.float32], present: npt.NDArray[np.bool_]
     ) -> npt.NDArray[np.float64]:
         """How much each robot listens to each message: ``[R, P, M]``, 0 in empty places; arguments as of `hear`.
 
@@ -68,18 +68,18 @@ class Policy:
             ValueError: robots of this policy do not talk.
         """
         heard = torch.from_numpy(messages).double()
-        return self._network.attention(own.thought, heard, torch.from_numpy(present)).numpy()
+        return self._network.attention(own.state, heard, torch.from_numpy(present)).numpy()
 
     @torch.inference_mode()
-    def weights(self, own: Encoding) -> npt.NDArray[np.float64]:
+    def weights(self, own: LatentState) -> npt.NDArray[np.float64]:
         """After the last round: ``[R, 5]`` whole numbers proportional to softmax(logits / T)."""
-        logits = self._network.logits(own.thought)
+        logits = self._network.logits(own.state)
         exponents = fp.snap(logits / self.config.temperature, fp.EXPONENT_BITS, -1e6, 1e6)
         weights = fp.exp_weights(exponents).numpy()
         assert weights.shape == (len(own.messages), PRIMITIVES)
         return weights
 
-    def decide(self, own: Encoding, streams: npt.NDArray[np.uint64], tick: int) -> Decision:
+    def decide(self, own: LatentState, streams: npt.NDArray[np.uint64], tick: int) -> Decision:
         """After the last round: as `weights`, then one draw from each robot's stream (``[R]``) for ``tick``."""
         weights = self.weights(own)
         return Decision(weights, choose(weights, uniform(streams, tick)))
@@ -91,7 +91,7 @@ class Policy:
 
         Views that were there in the call before are not computed again.
         """
-        own, rows, present = self._recall.encode(view), np.maximum(heard, 0), heard >= 0
+        own, rows, present = self._cache.perceive(view), np.maximum(heard, 0), heard >= 0
         for _ in range(self.rounds):
             own = self.hear(own, payload.carried(own.messages, self.config.encoding)[rows], present)
         return self.decide(own, streams, tick)
@@ -101,7 +101,7 @@ class Policy:
         """Rounds of messages in a tick."""
         return self._network.rounds
 
-    def _encoding(self, thought: Thought) -> Encoding:
-        finished = thought.rounds == self.rounds
-        messages = thought.x[:, :0] if finished else self._network.message(thought)
-        return Encoding(thought, messages.float().numpy())
+    def _encoding(self, state: NodeState) -> LatentState:
+        finished = state.rounds == self.rounds
+        messages = state.x[:, :0] if finished else self._network.message(state)
+        return LatentState(state, messages.float().numpy())

@@ -1,7 +1,7 @@
 // What is drawn on the three canvases of the map. Cells are (x, y), y up; a view turns them into pixels, y down.
 
 import { colours, inkOf, inks } from "./colours.js";
-import { DELTAS, blocked, silent, wanted } from "./team.js";
+import { DELTAS, blocked, silent, action } from "./team.js";
 
 // Cells from which on robots are drawn in detail, with their labels; pixels a cell.
 const DETAILED = 11;
@@ -164,7 +164,7 @@ function drawRobots(ctx, view, player, place) {
     }
     if (home(robot) && view.scale >= DETAILED) check(ctx, view, cx, cy, inkOf(robot));
     if (blocked(flags) && halfway !== frame || (blocked(flags) && frame === next)) {
-      const [dx, dy] = DELTAS[wanted(flags)];
+      const [dx, dy] = DELTAS[action(flags)];
       const far = Math.max(3.5, view.scale * 0.5);
       const half = Math.max(2, view.scale * 0.3);
       const [mx, my] = [cx + dx * far, cy - dy * far];

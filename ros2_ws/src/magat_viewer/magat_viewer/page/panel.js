@@ -2,7 +2,7 @@
 
 import { colours, inkOf } from "./colours.js";
 import { mean } from "./layers.js";
-import { ARROWS, PRIMITIVES, blocked, moved, silent, wanted } from "./team.js";
+import { ARROWS, PRIMITIVES, blocked, moved, silent, action } from "./team.js";
 
 const LISTED = 12; // neighbours
 const STALE = 5; // seconds without a status
@@ -121,7 +121,7 @@ export class RobotPanel {
   decision(player, chosen, detail) {
     const after = player.atEnd ? player.frame : player.next;
     const flags = after && after.tick > 0 ? after.flags[chosen] : 0;
-    const [want, made] = [wanted(flags), moved(flags)];
+    const [want, made] = [action(flags), moved(flags)];
     const line = [`Tick ${player.tick}: `];
     if (!after || after.tick === 0) line.push("not begun");
     else if (silent(flags)) line.push(element("b", { class: "alarm" }, "no answer in time"), ", so it stays");

@@ -59,10 +59,10 @@ export class Episode {
   }
 }
 
-export const wanted = (flags) => flags & 7;
+export const action = (flags) => flags & 7;
 export const moved = (flags) => (flags >> 3) & 7;
 export const silent = (flags) => (flags & 64) !== 0;
-export const blocked = (flags) => wanted(flags) !== 0 && wanted(flags) !== moved(flags);
+export const blocked = (flags) => action(flags) !== 0 && action(flags) !== moved(flags);
 
 // What fits on a robot: its number, or the first letters of its name.
 function label(name) {

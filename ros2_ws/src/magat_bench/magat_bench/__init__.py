@@ -1,0 +1,1 @@
+"""Benchmarks of the expert, the simulator, training, a running team and its page."""

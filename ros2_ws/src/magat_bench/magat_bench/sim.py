@@ -1,0 +1,162 @@
+"""``magat bench-sim``: how fast the batched simulator is with a policy in it, and what takes how long."""
+
+import cProfile
+import pstats
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from magat_evaluation.planners import run_policy
+from magat_evaluation.splits import SET_SEED
+from magat_robot.policy.network import PolicyNetwork
+from magat_robot.policy.policy import Policy
+from magat_robot.policy.store import load
+from magat_sim.case import draw_case
+from magat_sim.field_of_view import field_of_view
+from magat_sim.radio import neighbours
+from magat_sim.shield import SHIELDS
+from magat_sim.simulator import Rules, Simulator
+from magat_sim.streams import episode_streams
+
+#: The parts of a step, by what computes each; what is left of a step goes to the last one.
+PARTS: dict[str, Sequence[Callable[..., Any]]] = {
+    "observation": [field_of_view],
+    "radio graph": [neighbours],
+    "CNN": [PolicyNetwork.look],
+    "rest of the policy": [Policy.decide_together],
+    "shield": list(SHIELDS.values()),
+}
+MOVE = "move"
+
+
+@dataclass(frozen=True)
+class SimSet:
+    """Worlds simulated together: square maps of one size, with a number of robots and of steps each."""
+
+    side: int
+    robots: int
+    worlds: int
+    steps: int
+
+    @property
+    def map_name(self) -> str:
+        """Of one of the worlds, e.g. 20x20 (10)."""
+        return f"{self.side}x{self.side} ({self.robots})"
+
+    @property
+    def name(self) -> str:
+        """Of all of them."""
+        return f"{self.worlds} of {self.map_name}"
+
+    def simulator(self, rules: Rules) -> Simulator:
+        """All worlds at their start."""
+        numbers = range(self.worlds)
+        return Simulator(
+            [draw_case(SET_SEED, number, self.side, self.side, self.robots, 0.1) for number in numbers],
+            [self.steps] * self.worlds,
+            [episode_streams(SET_SEED, number, self.robots) for number in numbers],
+            rules,
+        )
+
+
+#: About three times the expert's makespan each, as in an evaluation.
+SETS = (
+    SimSet(20, 10, 100, 90),
+    SimSet(50, 60, 16, 240),
+    SimSet(65, 100, 10, 310),
+    SimSet(100, 500, 1, 160),
+    SimSet(200, 500, 1, 330),
+    SimSet(200, 1000, 1, 330),
+)
+
+
+@dataclass(frozen=True)
+class SimSpeed:
+    """What was measured on one set."""
+
+    which: SimSet
+    seconds: float
+    steps: int
+    #: Steps of the robots of worlds that still ran.
+    robot_steps: int
+    #: Share of the time by part.
+    shares: dict[str, float]
+
+
+def bench_sim(folder: Path, sets: Sequence[SimSet], rules: Rules, threads: int, console: Console) -> Iterator[SimSpeed]:
+    """Run each set once, every robot carrying the policy in ``folder``.
+
+    Args:
+        folder: of the policy.
+        sets: one after the other.
+        rules: of all worlds.
+        threads: for torch.
+        console: shows the progress.
+
+    Raises:
+        ModelError: the policy cannot be used.
+    """
+    torch.set_num_threads(threads)
+    policy = load(folder)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True) as progress:
+        for which in sets:
+            simulator = which.simulator(rules)
+            task = progress.add_task(which.name, total=which.steps)
+            counted = len(simulator.active)
+
+            def note(after: Simulator, task: Any = task) -> None:
+                nonlocal counted
+                counted += len(after.active)
+                progress.advance(task)
+
+            profile = cProfile.Profile()
+            started = time.perf_counter()
+            profile.runcall(run_policy, policy, simulator, note)
+            seconds = time.perf_counter() - started
+            progress.remove_task(task)
+            yield SimSpeed(which, seconds, simulator.tick, counted, _shares(profile))
+
+
+def _shares(profile: cProfile.Profile) -> dict[str, float]:
+    """Share of each part in the profiled time; parts that are within others are taken out of these."""
+    stats = pstats.Stats(profile)
+
+    def spent(function: Callable[..., Any]) -> float:
+        code = function.__code__
+        entry = stats.stats.get((code.co_filename, code.co_firstlineno, code.co_name))  # type: ignore[attr-defined]
+        return 0.0 if entry is None else float(entry[3])
+
+    seconds = {name: sum(map(spent, functions)) for name, functions in PARTS.items()}
+    seconds["rest of the policy"] -= seconds["CNN"]
+    seconds[MOVE] = (
+        spent(Simulator.observe)
+        + spent(Simulator.step)
+        - sum(seconds[name] for name in ("observation", "radio graph", "shield"))
+    )
+    total = sum(seconds.values())
+    return {name: part / total for name, part in seconds.items()}
+
+
+def table(policy: str, speeds: Sequence[SimSpeed]) -> Table:
+    """The speeds for people."""
+    result = Table(title=f"{policy} in the batched simulator", title_justify="left", box=None, pad_edge=False)
+    for heading in ("worlds", "steps", "seconds", "steps/s", "robot-steps/s", *PARTS, MOVE):
+        result.add_column(heading, justify="left" if heading == "worlds" else "right")
+    for speed in speeds:
+        result.add_row(
+            speed.which.name,
+            str(speed.steps),
+            f"{speed.seconds:.1f}",
+            f"{speed.steps / speed.seconds:.1f}",
+            f"{speed.robot_steps / speed.seconds:,.0f}",
+            *(f"{share:.0%}" for share in speed.shares.values()),
+        )
+    return result

@@ -1,0 +1,205 @@
+"""``magat bench-training``: observations a second, where the time goes, and the processor's limit."""
+
+import dataclasses
+import math
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from rich.console import Console, Group
+from rich.progress import Progress, track
+from rich.table import Table
+from torch.profiler import ProfilerActivity, profile
+from torch.utils.flop_counter import FlopCounterMode
+
+from magat_evaluation.cases import SolvedCase, solved_cases
+from magat_evaluation.splits import SPLITS
+from magat_robot.policy.config import ModelError
+from magat_robot.policy.models import find_policy
+from magat_robot.policy.store import load_network
+from magat_training.train import TrainConfig, Trainer
+
+#: Steps before those that are timed.
+WARM_UP = 10
+#: The parts of a step.
+PARTS = ("sampling", "forward", "backward", "optimiser")
+#: What operators are called in the table, by a part of their name; the first that fits counts.
+_KINDS = (
+    ("convolution", "convolutions"),
+    ("batch_norm", "batch normalisation"),
+    ("hardtanh", "activations"),
+    ("clamp", "activations"),
+    ("mm", "matrix products"),
+    ("max_pool", "pooling"),
+)
+
+
+@dataclass(frozen=True)
+class TrainingBench:
+    """What `bench_training` measured."""
+
+    config: TrainConfig
+    threads: int
+    #: Robots in an instant.
+    robots: int
+    #: Seconds of each part of one step.
+    parts: dict[str, float]
+    #: Seconds of one round of the online expert, and of one validation.
+    online: float
+    validation: float
+    #: Shares of forward and backward, by kind of operator.
+    operators: dict[str, float]
+    #: Floating-point operations of forward and backward for one observation.
+    flops: float
+    #: Floating-point operations a second of a large product of matrices, the processor's best.
+    peak: float
+
+    @property
+    def step(self) -> float:
+        """Seconds of a step."""
+        return sum(self.parts.values())
+
+    @property
+    def run(self) -> dict[str, float]:
+        """Seconds of each part of a whole training run."""
+        config = self.config
+        first = math.ceil(config.online_from / config.online_every) * config.online_every
+        rounds = 0 if config.online == "off" else len(range(first, config.steps, config.online_every))
+        return {name: seconds * config.steps for name, seconds in self.parts.items()} | {
+            "online expert": rounds * self.online,
+            "validation": config.steps // config.validate_every * self.validation,
+        }
+
+    @property
+    def rate(self) -> float:
+        """Observations a second in steps."""
+        return self.config.batch * self.robots / self.step
+
+    @property
+    def run_rate(self) -> float:
+        """Observations a second in a whole run."""
+        return self.config.batch * self.robots * self.config.steps / sum(self.run.values())
+
+
+def bench_training(name: str, threads: int, steps: int, cases: int, console: Console) -> TrainingBench:
+    """Train the policy ``name`` for some steps, with one round of the online expert and one validation.
+
+    It starts from the weights in models/, if they are there: the episodes of a new policy last to their end more often,
+    and its rounds take longer than most of a training.
+
+    Args:
+        name: of the policy.
+        threads: for torch.
+        steps: to be timed.
+        cases: training cases, drawn and solved first; no more are validated on.
+        console: shows the progress.
+    """
+    torch.set_num_threads(threads)
+    config = TrainConfig(policy=dataclasses.replace(TrainConfig().policy, name=name))
+    train, valid = (
+        list(track(solved_cases(numbers), what, total=len(numbers), console=console, transient=True))
+        for what, numbers in (
+            ("training cases", SPLITS["train"][:cases]),
+            ("validation cases", SPLITS["valid"][: min(config.valid_cases, cases)]),
+        )
+    )
+    last = WARM_UP + steps
+    once = dataclasses.replace(config, steps=last, online_from=0, online_every=last, validate_every=last)
+    with tempfile.TemporaryDirectory() as folder:
+        trainer = Trainer(once, Path(folder), train, valid)
+        _take_weights(trainer, name)
+        before: dict[str, float] = {}
+        with Progress(console=console, transient=True) as progress:
+            task = progress.add_task("training", total=last)
+
+            def note(step: int, _: float) -> None:
+                progress.advance(task)
+                if step == WARM_UP:
+                    before.update(trainer.spent)
+
+            trainer.run(note)
+    parts = {part: (trainer.spent[part] - before[part]) / steps for part in PARTS}
+    plain = dataclasses.replace(config, online="off")
+    observations = config.batch * train[0].case.robots
+    return TrainingBench(
+        config,
+        threads,
+        train[0].case.robots,
+        parts,
+        trainer.spent["online expert"],
+        trainer.spent["validation"],
+        _operators(dataclasses.replace(plain, steps=5), train),
+        _flops(dataclasses.replace(plain, steps=1), train) / observations,
+        _peak(),
+    )
+
+
+def table(bench: TrainingBench) -> Group:
+    """``bench`` for people."""
+    whole = Table(title=f"{bench.config.policy.name}, {bench.threads} thread(s)", title_justify="left")
+    for heading in ("part", "ms a step", "share of a step", "share of a run"):
+        whole.add_column(heading, justify="left" if heading == "part" else "right")
+    total = sum(bench.run.values())
+    for part, seconds in bench.run.items():
+        own = bench.parts.get(part)
+        shown = ("", "") if own is None else (f"{1e3 * own:.1f}", f"{own / bench.step:.1%}")
+        whole.add_row(part, *shown, f"{seconds / total:.1%}")
+    operators = Table(title="Forward and backward, by operators", title_justify="left")
+    operators.add_column("operators")
+    operators.add_column("share", justify="right")
+    for kind, share in bench.operators.items():
+        operators.add_row(kind, f"{share:.1%}")
+    reached = bench.flops * bench.config.batch * bench.robots / (bench.parts["forward"] + bench.parts["backward"])
+    return Group(
+        whole,
+        operators,
+        f"{bench.rate:,.0f} observations a second in steps, {bench.run_rate:,.0f} over a run of "
+        f"{bench.config.steps} steps with its online expert and validations ({total / 60:.0f} minutes).",
+        f"Forward and backward: {bench.flops / 1e6:.1f} million floating-point operations an observation, "
+        f"{reached / 1e9:.0f} billion a second; a product of large matrices reaches {bench.peak / 1e9:.0f}: "
+        f"{reached / bench.peak:.0%}. At that limit it would be {bench.peak / bench.flops:,.0f} observations a second.",
+    )
+
+
+def _take_weights(trainer: Trainer, name: str) -> None:
+    try:
+        network, _ = load_network(find_policy(name))
+    except ModelError:
+        return  # not trained yet
+    if network.config == dataclasses.replace(trainer.config.policy, temperature=network.config.temperature):
+        trainer.network.load_state_dict(network.state_dict())
+
+
+def _operators(config: TrainConfig, train: list[SolvedCase]) -> dict[str, float]:
+    """Shares of the processor's time in forward and backward, by kind, the largest first."""
+    with tempfile.TemporaryDirectory() as folder, profile(activities=[ProfilerActivity.CPU]) as profiler:
+        trainer = Trainer(config, Path(folder), train, train[:1])
+        trainer.run()
+    spent: dict[str, float] = {}
+    for event in profiler.key_averages():
+        kind = next((kind for part, kind in _KINDS if part in event.key), "other")
+        spent[kind] = spent.get(kind, 0.0) + event.self_cpu_time_total
+    total = sum(spent.values())
+    return {kind: spent[kind] / total for kind in sorted(spent, key=lambda kind: -spent[kind])}
+
+
+def _flops(config: TrainConfig, train: list[SolvedCase]) -> float:
+    """Floating-point operations of one step's forward and backward, as torch counts them."""
+    with tempfile.TemporaryDirectory() as folder:
+        trainer = Trainer(config, Path(folder), train, train[:1])
+        with FlopCounterMode(display=False) as counter:
+            trainer.train_step()
+        return float(counter.get_total_flops())
+
+
+def _peak(size: int = 1536, repetitions: int = 8) -> float:
+    """Floating-point operations a second of a product of float32 matrices, the best of some."""
+    left, right = torch.rand(size, size), torch.rand(size, size)
+    best = 0.0
+    for _ in range(repetitions):
+        started = time.perf_counter()
+        torch.mm(left, right)
+        best = max(best, 2 * size**3 / (time.perf_counter() - started))
+    return best

@@ -1,0 +1,1 @@
+"""The magat command: one module for each verb."""

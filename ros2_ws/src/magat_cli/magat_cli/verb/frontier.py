@@ -1,0 +1,41 @@
+"""Measure success against flowtime, over sampling temperatures."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from magat_cli.options import Options, add_policies, add_size, case_numbers, policies_of, positive, size_of
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The verb's options."""
+    from magat_sim.shield import SHIELDS
+
+    add_policies(parser)
+    parser.add_argument("--temperatures", type=float, nargs="+", metavar="T", help="(default: 7 from 0.25 to 2)")
+    parser.add_argument("--shield", choices=SHIELDS, nargs="+", default=list(SHIELDS), help="(default: all)")
+    parser.add_argument("--cases", type=positive, default=300, help="of the validation split (default: 300)")
+    parser.add_argument("--output", type=Path, default=Path("runs"), help="folder for frontier.csv and frontier.png")
+    add_size(parser)
+
+
+def main(options: Options, console: "Console") -> int:
+    """Run the verb; returns the exit status."""
+    from rich.console import Console
+
+    from magat_evaluation.evaluate import Setting
+    from magat_evaluation.studies.frontier import TEMPERATURES, draw, frontier, table
+    from magat_sim.simulator import Rules
+
+    numbers = case_numbers("valid", options.cases)
+    temperatures = options.temperatures or TEMPERATURES
+    settings = [Setting(one, rules=Rules(shield=shield)) for shield in options.shield for one in temperatures]
+    path = options.output / "frontier.csv"
+    reports = frontier(policies_of(options), settings, numbers, options.seed, size_of(options), path, console)
+    draw(reports, options.output / "frontier.png")
+    Console().print(table(reports))
+    console.print(f"frontier.csv and frontier.png are in {options.output}")
+    return 0

@@ -1,0 +1,106 @@
+"""What plans without learning, in the same simulator and by the same measures as policies.
+
+HCA and Replan plan whole paths, which the simulator then walks. In PIBT each robot knows the map, and likes best what
+brings it closer to its goal; the shield ``pibt`` does the rest.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from magat_evaluation.cases import SolvedCase
+from magat_evaluation.planners import Planner
+from magat_expert import Solution, solve_hca, solve_replan
+from magat_robot.policy.sampling import uniform
+from magat_sim.case import Case
+from magat_sim.grid import DELTAS, BoolArray, IntArray, primitives_between
+from magat_sim.rollout import Decide
+from magat_sim.simulator import Actions, Observation, Simulator
+
+#: Seconds that HCA and Replan may plan for a case.
+PLANNING_LIMIT = 60.0
+
+
+def hca(solved: Sequence[SolvedCase], simulator: Simulator) -> Decide:
+    """Hierarchical Cooperative A*; where it finds no paths, nobody moves."""
+    return _walk(solved, simulator, lambda one: solve_hca(*_instance(one.case), PLANNING_LIMIT, seed=one.number))
+
+
+def replan(solved: Sequence[SolvedCase], simulator: Simulator) -> Decide:
+    """Global re-planning around what is in the way."""
+    return _walk(
+        solved,
+        simulator,
+        lambda one: solve_replan(*_instance(one.case), PLANNING_LIMIT, max_steps=one.t_max, seed=one.number),
+    )
+
+
+def pibt(solved: Sequence[SolvedCase], simulator: Simulator) -> Decide:
+    """Each robot likes the primitives by how close to its goal they lead; equal ones in random order.
+
+    The simulator's shield is to be ``pibt``.
+    """
+    away = [distances(one.case) for one in solved]
+
+    def decide(observation: Observation) -> Actions:
+        robots = simulator.active
+        liking = np.empty((len(robots), len(DELTAS)))
+        for world in np.unique(simulator.world[robots]):
+            here = simulator.world[robots] == world
+            mine = robots[here] - np.searchsorted(simulator.world, world)
+            cells = simulator.position[robots[here]][:, None] + DELTAS + 1  # in a map with a rim
+            liking[here] = -away[world][mine[:, None], cells[..., 1], cells[..., 0]]
+        for primitive in range(len(DELTAS)):
+            draws = uniform(observation.streams, observation.tick * len(DELTAS) + primitive)
+            liking[:, primitive] -= 0.5 * draws  # less than the step between two distances
+        return Actions(liking.argmax(axis=1), liking)
+
+    return decide
+
+
+def distances(case: Case) -> npt.NDArray[np.float32]:
+    """Steps to each robot's goal, other robots ignored: ``[N, H + 2, W + 2]``, infinite on obstacles and a rim."""
+    free = np.pad(~case.obstacles, 1)
+    width = free.shape[1]
+    cells = np.flatnonzero(free)
+    number = np.full(free.size, -1)
+    number[cells] = np.arange(len(cells))
+    ends = [(cells[_open(free, cells + step)], cells[_open(free, cells + step)] + step) for step in (1, width)]
+    one, other = (np.concatenate([number[pair[side]] for pair in ends]) for side in (0, 1))
+    graph = csr_array((np.ones(len(one), np.int8), (one, other)), shape=(len(cells), len(cells)))
+    goals = number[(case.goals[:, 1] + 1) * width + case.goals[:, 0] + 1]
+    steps = np.full((case.robots, free.size), np.inf, dtype=np.float32)
+    for robot, goal in enumerate(goals):  # one by one: all at once take eight bytes a cell
+        steps[robot, cells] = dijkstra(graph, directed=False, indices=goal, unweighted=True)
+    return steps.reshape(case.robots, *free.shape)
+
+
+def _open(free: BoolArray, cells: IntArray) -> BoolArray:
+    return free.reshape(-1)[cells]
+
+
+def _instance(case: Case) -> tuple[BoolArray, IntArray, IntArray]:
+    return case.obstacles, case.starts, case.goals
+
+
+def _walk(solved: Sequence[SolvedCase], simulator: Simulator, plan: Callable[[SolvedCase], Solution]) -> Decide:
+    """The planned paths, step by step; at their ends robots stay."""
+    walks = [
+        np.zeros((0, one.case.robots), np.int64) if paths is None else primitives_between(paths[:-1], paths[1:])
+        for one, paths in ((one, plan(one).paths) for one in solved)
+    ]
+    made = np.zeros((max(map(len, walks)) + 1, len(simulator.world)), dtype=np.int64)
+    for world, walk in enumerate(walks):
+        made[: len(walk), simulator.world == world] = walk
+    return lambda observation: made[min(observation.tick, len(made) - 1)][simulator.active]
+
+
+#: By name, with the shield of each.
+BASELINES: Mapping[str, tuple[Planner, str]] = {
+    "HCA": (hca, "idle"),
+    "Replan": (replan, "idle"),
+    "PIBT": (pibt, "pibt"),
+}

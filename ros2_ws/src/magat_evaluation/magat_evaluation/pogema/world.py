@@ -1,0 +1,137 @@
+"""Policies in POGEMA, the environment in which others compare theirs (Skrynnik et al., 2022).
+
+What a robot sees and hears there, and how it decides, is what it is here: `field_of_view`, `neighbours`, `Policy`. Only
+the world is another one. In POGEMA a cell is ``(row, column)``, rows run down, and there is a rim of `obs_radius` cells
+around the map. Its actions are numbered as our primitives are; up is the row before.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from magat_evaluation.cases import SolvedCase
+from magat_evaluation.splits import SET_SEED
+from magat_robot.policy.policy import Policy
+from magat_sim.case import Case
+from magat_sim.field_of_view import RADIUS, field_of_view, pad
+from magat_sim.grid import BoolArray, IntArray
+from magat_sim.radio import neighbours
+from magat_sim.streams import episode_streams
+
+#: What POGEMA tells of a robot under the observation type MAPF, by name.
+Told = Mapping[str, Any]
+
+
+class PogemaPolicy:
+    """All robots of one episode, each with its own copy of a policy: ``act`` is what POGEMA's benchmarks call."""
+
+    def __init__(self, policy: Policy, seed: int = SET_SEED, number: int = 0) -> None:
+        """Begin the episode ``number`` under ``seed``, which name the robots' random streams, see `episode_streams`."""
+        self._policy, self._seed = policy, seed
+        self.reset(number)
+
+    def reset(self, number: int) -> None:
+        """Begin another episode."""
+        self._number, self._tick = number, 0
+
+    def act(self, observations: Sequence[Told]) -> list[int]:
+        """What the robots do next.
+
+        Args:
+            observations: of N robots, of the type MAPF: the type POMAPF does not say how far apart robots are, which
+                the radio has to know.
+
+        Raises:
+            ValueError: observations of another type.
+        """
+        obstacles, position, goal = world_of(observations)
+        world = np.zeros(len(position), dtype=np.int64)
+        robots = np.zeros(obstacles.shape, dtype=np.uint8)
+        robots[position[:, 1], position[:, 0]] = 1
+        view = field_of_view(pad(obstacles[None], 1), pad(robots[None], 0), world, position, goal)
+        streams = episode_streams(self._seed, self._number, len(position)).robots
+        decision = self._policy.decide_together(view, neighbours(world, position), streams, self._tick)
+        self._tick += 1
+        return [int(primitive) for primitive in decision.primitives]
+
+
+def world_of(observations: Sequence[Told]) -> tuple[BoolArray, IntArray, IntArray]:
+    """Obstacles (``[H, W]``, indexed ``[y, x]``, y up), positions and goals (``[N, 2]`` cells ``(x, y)``).
+
+    Raises:
+        ValueError: observations of another type than MAPF.
+    """
+    if not observations or not isinstance(observations[0], Mapping) or "global_xy" not in observations[0]:
+        raise ValueError("POGEMA's observations are to be of observation_type='MAPF'")
+    rim = len(observations[0]["obstacles"]) // 2
+    grid = np.asarray(observations[0]["global_obstacles"])[rim:-rim, rim:-rim] != 0
+    ends = (np.array([told[name] for told in observations]) - rim for name in ("global_xy", "global_target_xy"))
+    position, goal = (_turned(cells, len(grid)) for cells in ends)
+    return grid[::-1], position, goal
+
+
+def environment(case: Case, t_max: int) -> Any:
+    """POGEMA's environment for ``case``: robots stay after they have arrived, and its ``soft`` rules let them follow.
+
+    Those are the rules of the shield ``idle``, but that of several robots which want one free cell not a drawn one gets
+    it. An episode ends when all robots stand on their goals, or after ``t_max`` steps.
+
+    Raises:
+        ModuleNotFoundError: POGEMA is not installed, see requirements-pogema.txt.
+    """
+    from pogema import GridConfig, pogema_v0
+
+    height = len(case.obstacles)
+    return pogema_v0(
+        GridConfig(
+            map=case.obstacles[::-1].astype(int).tolist(),
+            agents_xy=_turned(case.starts, height, back=True).tolist(),
+            targets_xy=_turned(case.goals, height, back=True).tolist(),
+            num_agents=case.robots,
+            obs_radius=RADIUS,
+            max_episode_steps=t_max,
+            observation_type="MAPF",
+            collision_system="soft",
+            on_target="nothing",
+        )
+    )
+
+
+def score(
+    policy: Policy, solved: Sequence[SolvedCase], seed: int = SET_SEED, on_case: Callable[[], None] | None = None
+) -> list[dict[str, float]]:
+    """POGEMA's own metrics of an episode on each case, for as many steps as a team gets here.
+
+    Args:
+        policy: that all robots carry.
+        solved: the cases, with the expert's solutions, which say how many steps there are.
+        seed: of the robots' random streams.
+        on_case: called after each, e.g. to show progress.
+
+    Returns:
+        ``CSR`` (all robots on their goals at the end), ``ISR`` (the share of them), ``SoC``, ``makespan`` and
+        ``ep_length`` of each case.
+
+    Raises:
+        ModuleNotFoundError: POGEMA is not installed, see requirements-pogema.txt.
+    """
+    team, metrics = PogemaPolicy(policy, seed), []
+    for one in solved:
+        team.reset(one.number)
+        world = environment(one.case, one.t_max)
+        observations, _ = world.reset()
+        infos: list[dict[str, Any]] = [{}]
+        while "metrics" not in infos[0]:
+            observations, _, _, _, infos = world.step(team.act(observations))
+        metrics.append(infos[0]["metrics"])
+        if on_case is not None:
+            on_case()
+    return metrics
+
+
+def _turned(cells: npt.ArrayLike, height: int, back: bool = False) -> IntArray:
+    """Cells ``(row, column)``, rows down, as ``(x, y)``, y up, or ``back``."""
+    first, second = np.asarray(cells, dtype=np.int64).T
+    return np.stack([height - 1 - second, first] if back else [second, height - 1 - first], axis=1)

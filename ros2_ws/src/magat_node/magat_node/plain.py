@@ -1,0 +1,13 @@
+"""Values for JSON; free of ROS."""
+
+import math
+from typing import Any
+
+
+def plain(value: Any) -> Any:
+    """``value`` with None in place of numbers that JSON does not have: NaN and the infinities."""
+    if isinstance(value, dict):
+        return {key: plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,19 @@
+from setuptools import find_packages, setup
+
+PACKAGE = "magat_pictures"
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=True,
+    maintainer="MAGAT maintainers",
+    maintainer_email="maintainers@magat.example",
+    description="Pictures and animations of episodes, and the colours that all pictures of the project share.",
+    license="Apache-2.0",
+)

@@ -1,0 +1,42 @@
+"""``magat record``: records a team that runs until it is told to end."""
+
+from pathlib import Path
+
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rich.console import Console
+
+from magat_node.run import give_way, run_node
+from magat_node.teams import find_team
+from magat_recording.recorder import RecorderNode
+
+
+def record(folder: Path, namespace: str | None, console: Console) -> int:
+    """Record the team of this environment's ROS domain to ``folder`` until Ctrl-C; returns the exit status.
+
+    Args:
+        folder: for the bag; it must not be there.
+        namespace: of the team; None if there is only one.
+        console: shows what goes on.
+
+    Raises:
+        TeamError: there is no team, or more than one and no ``namespace``.
+    """
+    give_way()
+    with console.status("looking for a team"):
+        team = find_team(namespace)
+    with console.status("") as status:
+
+        def create() -> Node:
+            given = {"bag": str(folder), "robots": team.robots, "radio": team.radio}
+            overrides = [Parameter(name, value=value) for name, value in given.items()]
+            node = RecorderNode(namespace=team.namespace, parameter_overrides=overrides)
+
+            def show() -> None:
+                size = f"{node.bag.messages} messages, {node.bag.size / 2**20:.1f} MiB"
+                status.update(f"recording {len(team.robots)} robots to {folder}: {size}; Ctrl-C ends it")
+
+            node.create_timer(0.5, show)
+            return node
+
+        return run_node("recorder", create, [])

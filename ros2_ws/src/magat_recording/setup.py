@@ -1,0 +1,20 @@
+from setuptools import find_packages, setup
+
+PACKAGE = "magat_recording"
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=True,
+    maintainer="MAGAT maintainers",
+    maintainer_email="maintainers@magat.example",
+    description="Records a team to a rosbag2 bag, and analyses and draws what was recorded.",
+    license="Apache-2.0",
+    entry_points={"console_scripts": ["recorder = magat_recording.recorder:main"]},
+)

@@ -1,0 +1,87 @@
+"""``magat data``: the scenario sets with the expert's solutions, made once and kept in a folder."""
+
+import time
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from magat_evaluation.cases import first_cases
+from magat_node import interruption
+from magat_training.data import DataSetError, check_data_set, make_data_set
+
+
+def make(folder: Path, cases: int, seed: int, size: dict[str, Any], console: Console) -> None:
+    """Make the data set of ``cases`` cases in ``folder``, or what is missing of it.
+
+    Args:
+        folder: of the data set.
+        cases: how many, in all three splits.
+        seed: of the cases.
+        size: width, height, robots, density, as `draw_case` takes them.
+        console: shows the progress, and what came of it.
+
+    Raises:
+        DataSetError: as `make_data_set`; or the folder cannot be written.
+        InvalidCaseError: that many cases, or cases of this size, cannot be drawn.
+        KeyboardInterrupt: with a message that the making can be resumed.
+    """
+    splits = first_cases(cases)
+    started = time.monotonic()
+    columns = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()]
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task("cases", total=cases)
+
+        def show_progress(done: int) -> None:
+            interruption.check()
+            bar.update(task, completed=done)
+
+        try:
+            manifest = make_data_set(folder, seed, splits, size, progress=show_progress)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(f"the same command goes on with what is in {folder}") from None
+        except OSError as error:
+            raise DataSetError(f"{folder} cannot be written ({error}): choose another folder") from error
+    solved = sum(split["solved"] for split in manifest["splits"].values())
+    console.print(
+        f"{folder}: {solved} of {cases} cases solved, {_megabytes(folder):.1f} MB, {time.monotonic() - started:.1f} s, "
+        f"sha256 {manifest['sha256']}",
+        highlight=False,
+        soft_wrap=True,
+    )
+
+
+def show(folder: Path, console: Console) -> None:
+    """Print what the data set in ``folder`` holds to ``console``; all of it is read, and verified.
+
+    Raises:
+        DataSetError: as `check_data_set`.
+    """
+    manifest = check_data_set(folder)
+    recipe = manifest["recipe"]
+    size, expert = recipe["size"], recipe["expert"]
+    table = Table(box=None, pad_edge=False)
+    for heading in ("split", "numbers", "drawn", "solved", "instants", "shards", "unsolved"):
+        table.add_column(heading, justify="left" if heading in ("split", "unsolved") else "right")
+    for name, split in manifest["splits"].items():
+        first, end = recipe["splits"][name]
+        counts = (split["drawn"], split["solved"], split["instants"], len(split["shards"]))
+        unsolved = ", ".join(map(str, split["unsolved"])) or "none"
+        table.add_row(name, f"{first} to {end - 1}", *map(str, counts), unsolved)
+    lines = (
+        f"{folder}, {_megabytes(folder):.1f} MB, all of it as in its manifest",
+        f"cases      {size['width']}x{size['height']} cells, {size['robots']} robots, density {size['density']:g}",
+        f"seed       {recipe['seed']}",
+        f"expert     w = {expert['w']:g}, at most {expert['node_limit']} expansions",
+        f"generator  version {recipe['generator_version']}",
+        f"sha256     {manifest['sha256']}",
+    )
+    for line in lines:
+        console.print(line, highlight=False, soft_wrap=True)
+    console.print(table)
+
+
+def _megabytes(folder: Path) -> float:
+    return sum(path.stat().st_size for path in folder.iterdir()) / 1e6

@@ -1,0 +1,115 @@
+"""``magat replay``: publishes what was to be seen of a recorded team again, for RViz, Foxglove and the page."""
+
+import os
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+import rclpy
+from rclpy.executors import Executor
+from rclpy.experimental import EventsExecutor
+from rclpy.publisher import Publisher
+from rclpy.signals import SignalHandlerOptions
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from magat_node import interruption
+from magat_node.errors import TeamError
+from magat_node.topics import shown_topics, view_topics
+from magat_recording.bag import BagError, bag_span, bag_topics, read_bag
+from magat_viewer.rviz.node import ViewNode
+from magat_viewer.serve import live_page
+
+#: How long a view may take to listen, seconds.
+PATIENCE = 10.0
+
+
+def replay(bag: Path, rate: float, rviz: bool, view: bool, delay: float, console: Console) -> int:
+    """Publish the world and what tools said of it (never what robots listen to), ``rate`` times as fast as it was.
+
+    Args:
+        bag: folder or file.
+        rate: above 0.
+        rviz: whether a view draws the world anew; what a recorded one published is left out then.
+        view: whether there is a page for browsers.
+        delay: seconds before it begins, in which tools find it.
+        console: shows how far it is.
+
+    Returns:
+        How many messages were published.
+
+    Raises:
+        BagError: it cannot be read, or there is nothing to be seen in it.
+        TeamError: the view or the page does not listen.
+        ServerError: the page cannot be served.
+        KeyboardInterrupt: interrupted.
+    """
+    count, first, last = bag_span(bag)
+    recorded = bag_topics(bag)
+    world = next((name for name, kind in recorded.items() if kind.endswith("/World")), None)
+    if world is None:
+        raise BagError(f"{bag} has no topic of a world: there is nothing to be seen in its {count} messages")
+    namespace = world.removesuffix("world")
+    context = rclpy.Context()
+    with interruption.deferred(), ExitStack() as stack:
+        rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
+        stack.callback(context.try_shutdown)
+        node = rclpy.create_node("replay", context=context)
+        executor = EventsExecutor(context=context)
+        executor.add_node(node)
+        left_out = {topic.name for topic in view_topics()} if rviz else set()
+        publishers = {}
+        for topic in shown_topics():
+            name = topic.name if topic.name.startswith("/") else namespace + topic.name
+            if name in recorded and topic.name not in left_out | {"/rosout"}:
+                publishers[name] = node.create_publisher(topic.kind, name, topic.profile)
+        if rviz:
+            executor.add_node(ViewNode(context=context, namespace=namespace.rstrip("/") or "/"))
+        if view:
+            page = stack.enter_context(live_page(context, namespace.rstrip("/") or "/"))
+            console.print(f"The page is at {page.url}", highlight=False)
+        if not _spin(executor, lambda: publishers[world].get_subscription_count() >= rviz + view, PATIENCE):
+            raise TeamError(f"what shows the world does not listen after {PATIENCE:g} s")
+        domain = os.environ.get("ROS_DOMAIN_ID", "0")
+        console.print(f"In ROS domain {domain}: {', '.join(sorted(publishers))}", highlight=False)
+        begin = time.monotonic() + delay
+        _spin(executor, lambda: time.monotonic() >= begin, 2 * delay)
+        return _publish(bag, rate, publishers, executor, console, (first, last))
+
+
+def _publish(
+    bag: Path,
+    rate: float,
+    publishers: dict[str, Publisher],
+    executor: Executor,
+    console: Console,
+    span: tuple[int, int],
+) -> int:
+    columns = [TextColumn("replaying"), BarColumn(), TextColumn("{task.completed:.0f} of {task.total:.0f} s")]
+    first, last = span
+    published = 0
+    with Progress(*columns, TimeRemainingColumn(), console=console, transient=True) as progress:
+        task = progress.add_task("", total=(last - first) / 1e9)
+        began = time.monotonic()
+        for message in read_bag(bag):
+            if message.topic not in publishers:
+                continue
+            since = (message.received - first) / 1e9
+            while (left := began + since / rate - time.monotonic()) > 0:
+                interruption.check()
+                executor.spin_once(timeout_sec=min(left, 0.1))
+            publishers[message.topic].publish(message.data)
+            published += 1
+            progress.update(task, completed=since)
+    return published
+
+
+def _spin(executor: Executor, until: Callable[[], bool], timeout: float) -> bool:
+    deadline = time.monotonic() + timeout
+    while not until():
+        interruption.check()
+        if time.monotonic() > deadline:
+            return False
+        executor.spin_once(timeout_sec=0.1)
+    return True

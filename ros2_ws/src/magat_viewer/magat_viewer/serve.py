@@ -1,0 +1,123 @@
+"""Serving the page of a team, live or recorded, until interrupted."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+import rclpy
+from rclpy.context import Context
+from rclpy.signals import SignalHandlerOptions
+from rich.console import Console
+
+from magat_node import interruption
+from magat_node.run import give_way
+from magat_node.teams import find_team
+from magat_robot.policy.models import policy_of_digest
+from magat_viewer.address import HOST
+from magat_viewer.node import LiveTeam
+from magat_viewer.server import PageServer
+
+if TYPE_CHECKING:
+    from magat_viewer.recorded import RecordedTeam
+
+
+def view_bag(bag: Path, policy: str | None, host: str, port: int | None, at: str, console: Console) -> None:
+    """Show a recorded team until interrupted.
+
+    Args:
+        bag: folder or file.
+        policy: name or folder of what the robots carried; found by its digest if None.
+        host: to listen on.
+        port: to listen on; the first free one if None.
+        at: what is shown first: the fragment of the page's address.
+        console: says where the page is.
+
+    Raises:
+        BagError: it cannot be read.
+        ModelError: there is no policy ``policy``.
+        ServerError: the page cannot be served.
+        KeyboardInterrupt: interrupted.
+    """
+    with PageServer(recorded_team(bag, policy, console), host, port) as page:
+        wait(page, console, at)
+
+
+def save_screenshot(bag: Path, policy: str | None, at: str, file: Path, console: Console) -> None:
+    """Write the page of a recorded team to the PNG file ``file``; arguments and errors otherwise as of `view_bag`.
+
+    Raises:
+        BrowserError: there is no Chromium, or the page shows nothing in it.
+    """
+    from magat_viewer.browser import screenshot
+
+    with PageServer(recorded_team(bag, policy, console)) as page:
+        screenshot(f"{page.url}#{at}", file)
+    console.print(f"The page is in {file}", highlight=False)
+
+
+def recorded_team(bag: Path, policy: str | None, console: Console) -> "RecordedTeam":
+    """A recording, ready to be shown; arguments and errors as of `view_bag`."""
+    # Neither these nor torch are loaded by the page of a team that runs.
+    import torch
+
+    from magat_recording.findings import carried_policy
+    from magat_recording.tables import TeamRecording
+    from magat_viewer.recorded import RecordedTeam
+
+    torch.set_num_threads(1)  # what one robot computes is small: threads would only wait for each other
+    with console.status(f"reading {bag}"):
+        recording = TeamRecording(bag)
+        carried, why = carried_policy(recording, policy)
+        return RecordedTeam(recording, why if carried is None else carried, str(bag))
+
+
+def view_team(namespace: str | None, host: str, port: int | None, console: Console) -> None:
+    """Show the team of this environment's ROS domain until interrupted.
+
+    Args:
+        namespace: of the team; None if there is only one.
+        host: to listen on.
+        port: to listen on; the first free one if None.
+        console: says where the page is.
+
+    Raises:
+        TeamError: there is no team, or more than one and no ``namespace``.
+        ServerError: the page cannot be served.
+        KeyboardInterrupt: interrupted.
+    """
+    give_way()
+    with console.status("looking for a team"):
+        found = find_team(namespace)
+    context = rclpy.Context()
+    with interruption.deferred():
+        rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
+        try:
+            with live_page(context, found.namespace, host, port) as page:
+                wait(page, console)
+        finally:
+            context.try_shutdown()
+
+
+@contextmanager
+def live_page(context: Context, namespace: str, host: str = HOST, port: int | None = None) -> Iterator[PageServer]:
+    """The page of the team in ``namespace``, as long as the ``with`` statement lasts.
+
+    Raises:
+        ServerError: it cannot be served.
+    """
+    team = LiveTeam(context, policy_of_digest, namespace)
+    try:
+        with PageServer(team, host, port) as page:
+            yield page
+    finally:
+        team.destroy()
+
+
+def wait(page: PageServer, console: Console, at: str = "") -> NoReturn:
+    address = f"{page.url}#{at}" if at else page.url
+    console.print(f"The page is at {address} until Ctrl-C", highlight=False, markup=False)
+    with interruption.deferred():
+        while True:
+            interruption.check()
+            page.wait(0.1)

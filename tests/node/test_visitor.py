@@ -1,0 +1,33 @@
+"""Nodes that join a team for a command leave nothing behind."""
+
+import psutil
+import pytest
+from rclpy.action import ActionClient
+from std_msgs.msg import Empty
+
+from magat_bringup.environment import loopback, own_domain
+from magat_interfaces.action import RunEpisode
+from magat_node.visitor import Visitor
+
+
+class Listener(Visitor):
+    def __init__(self, domain: int) -> None:
+        super().__init__("listener", domain=domain)
+        self.asked = ActionClient(self.node, RunEpisode, "run_episode")
+        self.node.create_subscription(Empty, "topic", self.hear, 1)
+
+    def hear(self, _: Empty) -> None:
+        pass
+
+
+def test_who_has_left_has_no_threads_and_no_sockets_any_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    here = psutil.Process()
+    with own_domain() as domain:
+        for name, value in loopback(domain).items():
+            monkeypatch.setenv(name, value)
+        left = []
+        for _ in range(3):
+            with Listener(domain) as visitor:
+                visitor.spin(lambda: False, 0.1)
+            left.append((here.num_threads(), here.num_fds()))
+    assert left[1] == left[2]

@@ -22,11 +22,13 @@ from rich.progress import (
 from rich.table import Table
 
 from magat_bringup import log_lines
+from magat_bringup.checks import check_run
 from magat_bringup.client import EpisodeClient, EpisodeOutcome
 from magat_bringup.environment import LOOPBACK, Network, network_for, own_domain
 from magat_bringup.processes import TeamProcesses
 from magat_bringup.team import TeamPlan
 from magat_interfaces.action import RunEpisode
+from magat_node.plain import plain
 from magat_pictures.animation import save_animation
 from magat_pictures.drawn_episode import DrawnEpisode
 from magat_pictures.picture import save_picture
@@ -89,12 +91,13 @@ def run(plan: RunPlan, team: TeamPlan, console: Console) -> list[RunEpisode.Resu
     """Run the episodes on the team and show them.
 
     Raises:
-        TeamFileError: there is no such parameter file.
+        MagatError: see `check_run`; no process was started.
         TeamError: a process ended, or an episode could not be run.
         NetworkError: there is no such interface.
         NoDomainError: the ROS domain is taken.
         KeyboardInterrupt: interrupted; no process is left behind.
     """
+    check_run(plan, team)
     crews = team.team
     robots = len(crews.robots)
     processes = "one process each" if crews.crew == 1 else f"in {crews.processes} processes"
@@ -236,7 +239,7 @@ def _table(plan: RunPlan, robots: int, results: list[RunEpisode.Result]) -> Tabl
 def _write(plan: RunPlan, team: TeamPlan, outcomes: list[EpisodeOutcome], console: Console) -> None:
     fields = RunEpisode.Result.get_fields_and_field_types()
     results = [{name: getattr(outcome.result, name) for name in fields} for outcome in outcomes]
-    (plan.output / "results.json").write_text(json.dumps(results, indent=1) + "\n")
+    (plan.output / "results.json").write_text(json.dumps(plain(results), indent=1, allow_nan=False) + "\n")
     last = outcomes[-1].recording
     record = DrawnEpisode(
         obstacles=last.obstacles,

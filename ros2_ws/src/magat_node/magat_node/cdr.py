@@ -9,10 +9,6 @@ import struct
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
-from rclpy.serialization import deserialize_message
-
-from magat_interfaces.msg import Feature, FeatureBundle
-
 _LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 #: episode, tick, round, tag, encoding, length of the payload.
 _FEATURE = struct.Struct("<QIB3xQB3xI")
@@ -55,7 +51,7 @@ def feature_bytes(payloads: Iterable[int]) -> int:
 def unpack_feature(data: bytes) -> PackedFeature | None:
     """The fields of a serialised `Feature`; None if it is damaged."""
     if data[:4] != _LITTLE_ENDIAN:  # another middleware on another kind of machine
-        m = _message(data, Feature)
+        m = _message(data, "Feature")
         return m and PackedFeature(m.episode, m.tick, m.round, m.tag, m.encoding, bytes(m.payload))
     if len(data) < 4 + _FEATURE.size:
         return None
@@ -73,7 +69,7 @@ def pack_bundle(episode: int, tick: int, number: int, encoding: int, payloads: l
 def unpack_bundle(data: bytes) -> PackedBundle | None:
     """The fields of a serialised `FeatureBundle`; None if it is damaged."""
     if data[:4] != _LITTLE_ENDIAN:
-        m = _message(data, FeatureBundle)
+        m = _message(data, "FeatureBundle")
         bundle = m and PackedBundle(m.episode, m.tick, m.round, m.encoding, m.messages, bytes(m.payloads))
     elif len(data) < 4 + _BUNDLE.size:
         return None
@@ -86,8 +82,13 @@ def unpack_bundle(data: bytes) -> PackedBundle | None:
     return None if bundle is None or len(bundle.payloads) % max(bundle.messages, 1) else bundle
 
 
-def _message(data: bytes, kind: type) -> Any:
+def _message(data: bytes, kind: str) -> Any:
+    # Imported here because evaluation, which runs without ROS, counts the bytes of messages.
+    from rclpy.serialization import deserialize_message
+
+    from magat_interfaces import msg
+
     try:
-        return deserialize_message(data, kind)
+        return deserialize_message(data, getattr(msg, kind))
     except Exception:  # which one depends on the middleware
         return None

@@ -85,6 +85,7 @@ def main(options: Options, console: "Console") -> int:
     from magat_bringup.run import RunPlan, run
     from magat_bringup.team import TeamFile, TeamPlan
     from magat_cli.verb.export import exported_policy
+    from magat_node.errors import MagatError
     from magat_robot.policy.models import find_policy
     from magat_sim.scenarios import Scenarios
     from magat_viewer.address import free_port
@@ -113,7 +114,10 @@ def main(options: Options, console: "Console") -> int:
         scenarios = Scenarios.read(options.map, options.scen, len(team.team.robots))
         given |= {name: scenarios.size[name] for name in ("width", "height", "density")}
         given["episodes"] = len(scenarios.cases)
-    results = run(RunPlan(**given, scenarios=scenarios), team, Console())
+    plan = RunPlan(**given, scenarios=scenarios)
+    if options.require > plan.episodes:
+        raise MagatError(f"--require {options.require} cannot be met by {plan.episodes} episodes: lower it")
+    results = run(plan, team, Console())
     complete = sum(result.success for result in results)
     if complete < options.require:
         console.print(

@@ -29,7 +29,7 @@ def test_a_screenshot_shows_what_was_asked_for(needs_chromium, simulate, small_p
 
 def test_of_a_team_that_runs_there_is_none(capfd, tmp_path):
     assert main(["view", "--screenshot", str(tmp_path / "page.png")]) == 1
-    assert "--screenshot has no effect with a running team: name the bag of a recorded one" in " ".join(
+    assert "--screenshot has no effect with a running team (name the bag of a recorded one)" in " ".join(
         capfd.readouterr().err.split()
     )
 

@@ -31,8 +31,8 @@ class Options(argparse.Namespace):
         """
         useless = [f"--{name.replace('_', '-')}" for name in names if name in self.given]
         if useless:
-            verb = "has" if len(useless) == 1 else "have"
-            raise MagatError(f"{', '.join(useless)} {verb} no effect with {because}: leave one or the other out")
+            verb, them = ("has", "it") if len(useless) == 1 else ("have", "them")
+            raise MagatError(f"{', '.join(useless)} {verb} no effect with {because}: remove {them}")
 
 
 def read_options(parser: argparse.ArgumentParser, args: Sequence[str]) -> Options:
@@ -192,7 +192,7 @@ def join(options: Options) -> None:
     from magat_bringup.environment import Network
 
     if options.domain is None:
-        options.without_effect("the environment's ROS domain: give --domain as well", "server")
+        options.without_effect("the environment's ROS domain (give --domain as well)", "server")
     else:
         os.environ.update(Network(options.domain, options.server).tool_variables)
 

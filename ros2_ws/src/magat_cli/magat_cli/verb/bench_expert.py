@@ -34,6 +34,6 @@ def main(options: Options, console: "Console") -> int:
     if options.large:
         counts += [(which, options.large_cases) for which in LARGE_SETS]
     else:
-        options.without_effect("no --large", "large_cases")
+        options.without_effect("the small sets alone (add --large)", "large_cases")
     Console().print(table(counts, bench_expert(counts, options.seed, options.time_limit, console)))
     return 0

@@ -42,7 +42,7 @@ def main(options: Options, console: "Console") -> int:
     from magat_viewer.serve import save_screenshot, view_bag, view_team
 
     if options.bag is None:
-        options.without_effect("a running team: name the bag of a recorded one", "policy", "at", "screenshot")
+        options.without_effect("a running team (name the bag of a recorded one)", "policy", "at", "screenshot")
         join(options)
         view_team(options.namespace, options.host, options.port, console)
     else:

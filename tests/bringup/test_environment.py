@@ -72,7 +72,7 @@ def test_a_large_team_has_a_server_and_one_that_is_opened_too():
     assert network_for(5, MOST_PEERS) == Network(5)
     assert network_for(5, MOST_PEERS + 1) == Network(5, LOOPBACK)
     assert network_for(5, 4, interface="lo") == network_for(5, 4, interface=LOOPBACK) == Network(5, LOOPBACK)
-    with pytest.raises(NetworkError, match=r"no interface 'wlan77' .*: there is .*lo \(127\.0\.0\.1\)"):
+    with pytest.raises(NetworkError, match=r"no interface 'wlan77' .*: it has .*lo \(127\.0\.0\.1\)"):
         address_of("wlan77")
     with pytest.raises(NetworkError, match=r"no interface '192\.0\.2\.77'"):
         network_for(5, 4, interface="192.0.2.77")
@@ -108,4 +108,4 @@ def test_a_server_without_an_address_says_what_to_do(capsys):
     assert 'eval "$(magat env --server ADDRESS)"' in capsys.readouterr().err
     with mock.patch.dict(os.environ, Network(3, LOOPBACK).variables | {"PATH": "/nowhere"}):
         assert discovery.main() == 1
-    assert "comes with Fast DDS" in capsys.readouterr().err
+    assert "is part of Fast DDS" in capsys.readouterr().err

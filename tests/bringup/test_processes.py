@@ -1,4 +1,4 @@
-"""Processes of a team are watched: what they say is told, and who is killed is started again, or not."""
+"""Processes of a team are watched: log lines are passed on, and killed processes are restarted, or not."""
 
 import os
 import signal
@@ -72,7 +72,7 @@ def test_who_is_killed_is_started_again_a_number_of_times(start):
         os.kill(team.pids("simulator")[0], signal.SIGKILL)
     with pytest.raises(TeamError, match="ended with status -9"):
         until(team, lambda: False)
-    assert sum("killed by signal 9, started again" in line for _, line in said) == RESTARTS
+    assert sum("killed by signal 9, restarted" in line for _, line in said) == RESTARTS
 
 
 def test_who_is_killed_stays_dead_if_the_plan_says_so(start):
@@ -84,6 +84,6 @@ def test_who_is_killed_stays_dead_if_the_plan_says_so(start):
 
 def test_who_ends_by_itself_has_said_why(start):
     team, _ = start("print('a reason'); raise SystemExit(3)")
-    with pytest.raises(TeamError, match=r"simulator: the process ended with status 3\. It said:\n  a reason"):
+    with pytest.raises(TeamError, match=r"simulator: the process ended with status 3\. Its last lines:\n  a reason"):
         until(team, lambda: False)
     assert team.starts("simulator") == 1

@@ -87,7 +87,7 @@ def test_which_options_were_given_is_known(line, given):
 def test_several_useless_options_are_named_together():
     options = read_options(parser(), ["--number", "3", "--many-words", "a"])
     options.without_effect("nothing", "flag")
-    with pytest.raises(MagatError, match="^--number, --many-words have no effect with that: remove them$"):
+    with pytest.raises(MagatError, match=r"^--number, --many-words have no effect with that: remove them$"):
         options.without_effect("that", "number", "flag", "many_words")
 
 

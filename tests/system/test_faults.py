@@ -110,7 +110,7 @@ def test_the_simulator_is_killed_and_the_episode_is_run_from_its_begin(start_tea
         team.run(goal, act)
         assert act.done
         assert team.processes.starts("simulator") == 2
-        assert team.has_said("simulator", "killed by signal 9, started again")
+        assert team.has_said("simulator", "killed by signal 9, restarted")
         again = until_undisturbed(team, goal)
         np.testing.assert_array_equal(again.recording.positions, clean.recording.positions)
 

@@ -1,4 +1,4 @@
-"""The client of the RunEpisode action: asks for episodes, follows them, and records the world as it goes by."""
+"""The client of the RunEpisode action: requests episodes and keeps their World messages."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,10 +18,10 @@ from magat_recording.world_log import WorldLog
 
 #: How long to wait for the simulator to appear, seconds.
 SIMULATOR_TIMEOUT = 60.0
-#: It accepts or refuses an episode at once. Without an answer in so many seconds the request went to one that was
-#: killed, which the middleware takes some time to notice.
+#: How long to wait for the simulator to accept or refuse an episode, seconds. It answers at once unless it was killed;
+#: the middleware takes some time to notice that.
 ACCEPTANCE = 5.0
-#: How long to wait for the recorder to hear the whole team, seconds.
+#: How long to wait until the recorder receives from the whole team, seconds.
 RECORDER_TIMEOUT = 120.0
 #: How long the last messages of an episode may trail behind its result, seconds.
 TRAILING = 5.0
@@ -29,7 +29,7 @@ TRAILING = 5.0
 
 @dataclass(frozen=True)
 class EpisodeOutcome:
-    """An episode's result and recording."""
+    """The result of an episode and its World messages."""
 
     result: RunEpisode.Result
     recording: WorldLog
@@ -59,15 +59,15 @@ class EpisodeClient(Visitor):
         """Wait until the team's recorder misses nothing.
 
         Raises:
-            TeamError: a process ended, or it does not hear the whole team in time.
+            TeamError: a process ended, or the recorder does not receive from the whole team in time.
         """
-        told: list[Empty] = []
-        self.node.create_subscription(Empty, READY, told.append, qos.latched(1))
-        if not self.spin(lambda: bool(told), RECORDER_TIMEOUT):
-            raise TeamError(f"the recorder does not hear the whole team after {RECORDER_TIMEOUT:g} s")
+        ready: list[Empty] = []
+        self.node.create_subscription(Empty, READY, ready.append, qos.latched(1))
+        if not self.spin(lambda: bool(ready), RECORDER_TIMEOUT):
+            raise TeamError(f"the recorder does not receive from the whole team after {RECORDER_TIMEOUT:g} s")
 
     def run(self, goal: RunEpisode.Goal, on_feedback: Callable[[RunEpisode.Feedback], None]) -> EpisodeOutcome:
-        """Run one episode; again from its begin if the simulator is killed and started again.
+        """Run one episode; run it again from the start if the simulator is killed and restarted.
 
         Raises:
             TeamError: a process ended, the simulator is busy, or it could not run the episode.
@@ -79,7 +79,7 @@ class EpisodeClient(Visitor):
         if result.error:
             raise TeamError(f"the episode failed: {result.error}")
         if not self.spin(lambda: self._recorded(result), TRAILING):
-            raise TeamError(f"of {result.ticks + 1} world messages only {len(self._recording.worlds)} came")
+            raise TeamError(f"only {len(self._recording.worlds)} of {result.ticks + 1} World messages arrived")
         return EpisodeOutcome(result, self._recording)
 
     def _recorded(self, result: RunEpisode.Result) -> bool:
@@ -94,24 +94,24 @@ class EpisodeClient(Visitor):
     def _result_of(
         self, goal: RunEpisode.Goal, on_feedback: Callable[[RunEpisode.Feedback], None]
     ) -> RunEpisode.Result | None:
-        """The simulator's answer; None if it does not live to give one."""
+        """The simulator's result; None if the simulator was killed."""
         starts = self._team.starts("simulator")
 
-        def come(future: Future, timeout: float) -> bool:
+        def arrives(future: Future, timeout: float) -> bool:
             self.spin(lambda: future.done() or self._team.starts("simulator") > starts, timeout)
             return future.done()
 
-        accepted = self._action.send_goal_async(goal, feedback_callback=lambda said: on_feedback(said.feedback))
-        if not come(accepted, ACCEPTANCE):
+        accepted = self._action.send_goal_async(goal, feedback_callback=lambda message: on_feedback(message.feedback))
+        if not arrives(accepted, ACCEPTANCE):
             return None
         handle = accepted.result()
         if not handle.accepted:
             raise TeamError("the simulator is busy with another episode: wait for its end")
         ended = handle.get_result_async()
-        return ended.result().result if come(ended, float("inf")) else None
+        return ended.result().result if arrives(ended, float("inf")) else None
 
     def watch(self) -> None:
-        """See to the team.
+        """Check the team's processes.
 
         Raises:
             TeamError: a process of the team ended.

@@ -7,21 +7,22 @@ from pathlib import Path
 from rclpy.action import ActionClient
 from rclpy.task import Future
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from magat_interfaces.action import DeployPolicy
 from magat_interfaces.msg import PolicyFile, RobotStatus
 from magat_node import qos
 from magat_node.errors import TeamError
+from magat_node.progress import progress_bars
 from magat_node.teams import find_team
 from magat_node.visitor import Visitor
 from magat_robot.policy.config import ModelError, PolicyConfig
 from magat_robot.policy.folder import read_files, read_folder
 from magat_robot.policy_slot import longest_payload
 
-#: How long to wait until every robot has said what it carries, seconds; one that runs does so every 2 s.
+#: How long to wait for the status of every robot, seconds; a running robot sends it every 2 s.
 STATUS_TIMEOUT = 10.0
-#: The simulator accepts or refuses at once, and speaks several times a second from then on, unless it was killed.
+#: How long the simulator may be silent, seconds. Unless it was killed, it answers at once and sends feedback several
+#: times a second.
 SILENCE = 10.0
 
 _STATES = {
@@ -42,19 +43,19 @@ def deploy(folder: Path, namespace: str | None, console: Console) -> None:
 
     Raises:
         ModelError: it cannot be used, or does not fit the team's radio.
-        TeamError: there is no such team, or not all of its robots carry the policy now: then they carry what they did.
-        KeyboardInterrupt: interrupted; the robots carry what they did.
+        TeamError: there is no such team, or the robots keep their policy because one of them cannot switch.
+        KeyboardInterrupt: interrupted; the robots keep their policy.
     """
     config, digest, _ = read_folder(folder)
     files = [PolicyFile(name=name, data=data) for name, data in read_files(folder).items()]
     with console.status("looking for a team"):
         team = find_team(namespace)
     with Visitor("deployer", team.namespace) as visitor:
-        with console.status("asking the robots what they carry"):
+        with console.status("waiting for the status of the robots"):
             check_fit(config, _statuses(visitor, team.robots))
         _Request(visitor, console).run(DeployPolicy.Goal(digest=digest, files=files))
     console.print(
-        f"{len(team.robots)} robots carry {config.name} ({digest[:12]}) from the next episode on", highlight=False
+        f"{len(team.robots)} robots use {config.name} ({digest[:12]}) from the next episode on", highlight=False
     )
 
 
@@ -83,7 +84,7 @@ def check_fit(config: PolicyConfig, statuses: Mapping[str, RobotStatus]) -> None
 
 
 def _statuses(visitor: Visitor, robots: list[str]) -> dict[str, RobotStatus]:
-    """What each robot says of itself now."""
+    """The current status of each robot."""
     said: dict[str, RobotStatus] = {}
 
     def note(status: RobotStatus) -> None:
@@ -93,7 +94,7 @@ def _statuses(visitor: Visitor, robots: list[str]) -> dict[str, RobotStatus]:
     visitor.spin(lambda: said.keys() >= set(robots), STATUS_TIMEOUT)
     missing = sorted(set(robots) - said.keys())
     if missing:
-        raise TeamError(f"nothing heard of {', '.join(missing)} for {STATUS_TIMEOUT:g} s: nothing was sent")
+        raise TeamError(f"no status from {', '.join(missing)} for {STATUS_TIMEOUT:g} s: nothing was sent")
     return said
 
 
@@ -110,12 +111,12 @@ class _Request:
         """Return when all robots carry the policy; errors as of `deploy`."""
         action = ActionClient(self.visitor.node, DeployPolicy, "deploy_policy")
         if not self.visitor.spin(action.server_is_ready, SILENCE):
-            raise TeamError(f"no simulator answers for {SILENCE:g} s")
+            raise TeamError(f"no simulator answers within {SILENCE:g} s")
         accepted = action.send_goal_async(goal, feedback_callback=self._on_feedback)
         self._follow(accepted)
         handle = accepted.result()
         if not handle.accepted:
-            raise TeamError("another policy is being deployed: wait for the end of that")
+            raise TeamError("another policy is being deployed: wait until that has ended")
         ended = handle.get_result_async()
         try:
             self._follow(ended)
@@ -123,16 +124,15 @@ class _Request:
             handle.cancel_goal_async()
             raise
         if ended.result().result.error:
-            raise TeamError(f"not deployed, and the robots carry what they did: {ended.result().result.error}")
+            raise TeamError(f"the policy is not deployed, the robots keep their old one: {ended.result().result.error}")
 
     def _on_feedback(self, said: DeployPolicy.Impl.FeedbackMessage) -> None:
         self._feedback = said.feedback
         self._heard += 1
 
     def _follow(self, future: Future) -> None:
-        """Wait until ``future`` is done, as long as the simulator speaks."""
-        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-        with Progress(*columns, console=self.console, transient=True) as progress:
+        """Wait until ``future`` is done, as long as the simulator sends feedback."""
+        with progress_bars(self.console) as progress:
             task = progress.add_task("")
             heard = self._heard
 
@@ -145,6 +145,6 @@ class _Request:
                 heard, said = self._heard, self._feedback
                 progress.update(task, description=_STATES[said.state], completed=said.done, total=said.robots or None)
         raise TeamError(
-            f"the simulator has not been heard for {SILENCE:g} s. If it was killed in mid-deployment, robots may carry "
+            f"no message from the simulator for {SILENCE:g} s. If it was killed during the deployment, robots may have "
             "different policies: deploy again"
         )

@@ -21,7 +21,7 @@ def main() -> int:
     try:
         os.execvp(PROGRAM, command)
     except FileNotFoundError:
-        print(f"{PROGRAM} is not there: it comes with Fast DDS, source its setup.bash", file=sys.stderr)
+        print(f"{PROGRAM} is not on the PATH: it is part of Fast DDS, source the setup.bash of ROS", file=sys.stderr)
         return 1
 
 

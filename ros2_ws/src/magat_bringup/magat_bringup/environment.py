@@ -1,4 +1,4 @@
-"""Where a team's messages may go: by default to processes of this machine, and of this run, only."""
+"""The network of a team: by default its messages reach only processes of this run on this machine."""
 
 import fcntl
 import os
@@ -17,22 +17,22 @@ from magat_node.errors import MagatError
 LOOPBACK = "127.0.0.1"
 #: Fast DDS's profiles: of nodes, and of the discovery server.
 PROFILES = Path(get_package_share_directory("magat_bringup")) / "config" / "fastdds.xml"
-#: More processes than these find each other through a discovery server: sooner, and beyond the profile's
-#: maxInitialPeersRange not otherwise.
+#: With more processes than this, a team uses a discovery server: discovery is faster, and beyond the profile's
+#: maxInitialPeersRange it is the only way.
 MOST_PEERS = 40
 #: Every second domain: each has 250 ports, two a process, and a large team runs into those of the next. All are below
 #: the ports that systems hand out by themselves.
 DOMAINS = range(1, 100, 2)
-#: A domain's first port, and those of the domains: RTPS's rule. Of the first ten no process uses the third.
+#: A domain's first port, and those of the domains: RTPS's rule. No process uses the third of the first ten ports.
 _FIRST_PORT, _PORTS, _SERVER_PORT = 7400, 250, 2
 
 
 class NoDomainError(MagatError, RuntimeError):
-    """The ROS domain, or every one of this machine, is in use by another run."""
+    """The ROS domain, or every domain on this machine, is in use by another run."""
 
 
 class NetworkError(MagatError, RuntimeError):
-    """The network cannot be used; the message says what of it is missing."""
+    """The network cannot be used; the message says what is missing."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Network:
                 return probe.getsockname()[0]
         except OSError as error:
             raise NetworkError(
-                f"no way leads from this host to the discovery server {self.server!r} ({error.strerror}): "
+                f"this host has no route to the discovery server {self.server!r} ({error.strerror}): "
                 f"give its host's name or IPv4 address"
             ) from error
 
@@ -79,7 +79,7 @@ class Network:
         """
         return {
             "ROS_DOMAIN_ID": str(self.domain),
-            # The profile names interface and peers; any other range, and what the shell may say, would override it.
+            # The profile names interface and peers; any other range or variable of the shell would override it.
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
             "ROS_LOCALHOST_ONLY": "",
             "ROS_DISCOVERY_SERVER": f"{self.server}:{self.port}" if self.server else "",
@@ -90,22 +90,22 @@ class Network:
 
     @property
     def tool_variables(self) -> dict[str, str]:
-        """As `variables`, for tools that list what there is: a server tells others only of what they talk to."""
+        """As `variables`, for tools that list nodes and topics: other clients of a discovery server see only peers."""
         return self.variables | ({"ROS_SUPER_CLIENT": "TRUE"} if self.server else {})
 
 
 def loopback(domain: int) -> dict[str, str]:
-    """Environment variables for nodes that speak to processes of this machine only, in ``domain``."""
+    """Environment variables for nodes in ``domain`` that communicate only on this machine."""
     return Network(domain).variables
 
 
 def network_for(domain: int, processes: int, interface: str = "") -> Network:
-    """The network of a team whose discovery server, if it needs one, is on this host.
+    """The network of a team; its discovery server, if it needs one, runs on this host.
 
     Args:
         domain: ROS domain.
-        processes: with a node, in all.
-        interface: to which the team is opened, by name or IPv4 address; to none but the loopback if empty.
+        processes: number of processes with a node.
+        interface: that the team is opened to, by name or IPv4 address; only the loopback interface if empty.
 
     Raises:
         NetworkError: this host has no such interface.
@@ -131,20 +131,20 @@ def address_of(interface: str) -> str:
         if interface in (name, address):
             return address
     there = ", ".join(f"{name} ({address})" for name, address in own) or "none"
-    raise NetworkError(f"this host has no interface {interface!r} with an IPv4 address: there is {there}")
+    raise NetworkError(f"this host has no interface {interface!r} with an IPv4 address: it has {there}")
 
 
 @contextmanager
 def own_domain(wanted: int | None = None) -> Iterator[int]:
-    """A ROS domain that no other run on this machine has; given back at the end, however the run ends.
+    """A ROS domain that no other run on this machine uses; released at the end of the run.
 
     Args:
-        wanted: this one and no other.
+        wanted: this domain and no other.
 
     Raises:
-        NoDomainError: it is taken, or all are.
+        NoDomainError: this domain, or every domain, is in use.
     """
-    # The process's number spreads the runs of users who cannot see each other's locks.
+    # The process id spreads the runs of users that cannot see each other's locks.
     first = os.getpid() % len(DOMAINS)
     for domain in [*DOMAINS[first:], *DOMAINS[:first]] if wanted is None else [wanted]:
         try:

@@ -1,4 +1,4 @@
-"""What a team's processes say, on one screen: who said it in front, in a colour of its own."""
+"""Log lines of a team's processes for one terminal, each prefixed with its coloured source."""
 
 import re
 import zlib
@@ -7,29 +7,29 @@ from rich.text import Text
 
 #: As ROS prints it: ``[LEVEL] [seconds] [logger]: text``.
 _ROS = re.compile(r"\[(?P<level>DEBUG|INFO|WARN|ERROR|FATAL)\] \[[\d.]+\] \[(?P<logger>[^\]]+)\]: (?P<text>.*)")
-#: Told apart on light and dark screens, with and without a sense for red and green. None is that of a level.
+#: Distinguishable on light and dark terminals and for colour-blind readers. None of them marks a log level.
 _COLOURS = ("blue", "cyan", "magenta", "bright_blue", "bright_cyan", "bright_magenta")
 _LEVELS = {"WARN": "yellow", "ERROR": "bold red", "FATAL": "bold red"}
 
 
 def styled(process: str, line: str, everything: bool = False) -> Text | None:
-    """A line for people.
+    """Format a log line.
 
     Args:
-        process: that said it.
-        line: as it said it.
-        everything: also what is no warning.
+        process: that wrote it.
+        line: as it was written.
+        everything: whether lines below the level WARN are shown, too.
 
     Returns:
-        The speaker (the node, or the process where the line is not ROS's) and what it said; None if to be left out.
+        The source (the node, or the process if the line is not in ROS's format) and the text; None if it is not shown.
     """
-    said = _ROS.fullmatch(line)
-    level = said["level"] if said else ""
+    match = _ROS.fullmatch(line)
+    level = match["level"] if match else ""
     if not everything and level not in _LEVELS:
         return None
-    speaker = said["logger"] if said else process
-    colour = _COLOURS[zlib.crc32(speaker.encode()) % len(_COLOURS)]
-    text = Text.assemble((f"{speaker} | ", colour))
+    source = match["logger"] if match else process
+    colour = _COLOURS[zlib.crc32(source.encode()) % len(_COLOURS)]
+    text = Text.assemble((f"{source} | ", colour))
     if level in _LEVELS:
         text.append(f"{level}: ", _LEVELS[level])
-    return text.append(said["text"] if said else line)
+    return text.append(match["text"] if match else line)

@@ -1,4 +1,4 @@
-"""The processes of a team: started, watched, and none left behind."""
+"""Starts and watches the processes of a team, and ends them all."""
 
 import ctypes
 import os
@@ -16,12 +16,12 @@ from magat_node.errors import TeamError
 from magat_robot.forked import RESTARTS
 
 _PR_SET_PDEATHSIG = 1
-#: How long processes may take to end when asked to, before they are killed, seconds.
+#: How long processes may take to end after SIGTERM before they are killed, seconds.
 GRACE = 5.0
 
 
 class TeamProcesses:
-    """What a plan starts, in a ``with`` statement: at its end all of it has ended."""
+    """The processes of a plan, for a ``with`` statement: when it ends, all of them have ended."""
 
     def __init__(
         self,
@@ -35,8 +35,8 @@ class TeamProcesses:
         Args:
             plan: what to start.
             logs: folder for their output.
-            environment: variables besides this process's own.
-            on_line: called by `check` and `stop` with the name of a process and a line that it has said.
+            environment: variables added to this process's own.
+            on_line: called by `check` and `stop` with the name of a process and a line of its output.
 
         Raises:
             TeamFileError: see `TeamPlan.commands`.
@@ -45,15 +45,15 @@ class TeamProcesses:
         self._respawn, self._on_line = plan.respawn, on_line
         self._logs = logs
         self._logs.mkdir(parents=True, exist_ok=True)
-        # The wheels' guard against a second re-execution must not reach a child without what came of the first.
+        # The wheels' guard against a second re-execution must not reach a child without its variables.
         self._environment = {**os.environ, **environment, **ENVIRONMENT}
         self._environment.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None)
         self._running: dict[str, subprocess.Popen[bytes]] = {}
         self._starts = dict.fromkeys(self._commands, 0)
-        self._said: dict[str, IO[bytes]] = {}
+        self._outputs: dict[str, IO[bytes]] = {}
         for name in self._commands:
             self._log(name).write_bytes(b"")
-            self._said[name] = self._log(name).open("rb")
+            self._outputs[name] = self._log(name).open("rb")
             self._start(name)
 
     def _log(self, name: str) -> Path:
@@ -68,45 +68,45 @@ class TeamProcesses:
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                # A session of its own: Ctrl-C in a terminal reaches this process only, which ends the others in order.
+                # A session of its own: Ctrl-C in a terminal reaches only this process, which ends the others in order.
                 start_new_session=True,
                 preexec_fn=_die_with_parent,
             )
 
     def starts(self, name: str) -> int:
-        """How often ``name``, a `Command`'s, was started."""
+        """How often the command ``name`` was started."""
         return self._starts[name]
 
     def pids(self, name: str) -> list[int]:
-        """Process numbers of ``name``, a `Command`'s; of the robots, those of all their processes, in no order."""
+        """Process ids of the command ``name``; for the robots, those of all robot processes, in any order."""
         pid = self._running[name].pid
         return _children(pid) if name == "robots" else [pid]
 
     def check(self) -> None:
-        """Tell what the processes say; start those again that a signal has killed, if the plan says so.
+        """Pass log lines on; restart processes that a signal has killed, if the plan says so.
 
         Raises:
-            TeamError: a process has ended by itself, or was killed too often; with the end of what it said.
+            TeamError: a process has ended by itself, or was killed too often; the message holds its last lines.
         """
-        self._tell()
+        self._pass_on_lines()
         for name, process in self._running.items():
             status = process.poll()
             if status is None:
                 continue
             respawn = self._respawn and self._commands[name].again
             if respawn and status < 0 and self._starts[name] <= RESTARTS:
-                self._on_line(name, f"[WARN] [{time.time():.9f}] [{name}]: killed by signal {-status}, started again")
+                self._on_line(name, f"[WARN] [{time.time():.9f}] [{name}]: killed by signal {-status}, restarted")
                 self._start(name)
                 continue
-            said = self._log(name).read_text(errors="replace").strip().splitlines()[-15:]
-            text = "\n  ".join(said) or "nothing"
-            raise TeamError(f"{name}: the process ended with status {status}. It said:\n  {text}")
+            last = self._log(name).read_text(errors="replace").strip().splitlines()[-15:]
+            text = "\n  ".join(last) or "(none)"
+            raise TeamError(f"{name}: the process ended with status {status}. Its last lines:\n  {text}")
 
-    def _tell(self) -> None:
-        for name, said in self._said.items():
-            for line in said:
-                if not line.endswith(b"\n"):  # not all of it is there
-                    said.seek(-len(line), os.SEEK_CUR)
+    def _pass_on_lines(self) -> None:
+        for name, output in self._outputs.items():
+            for line in output:
+                if not line.endswith(b"\n"):  # the rest is not written yet
+                    output.seek(-len(line), os.SEEK_CUR)
                     break
                 self._on_line(name, line.decode(errors="replace").rstrip())
 
@@ -122,7 +122,7 @@ class TeamProcesses:
             except subprocess.TimeoutExpired:
                 os.killpg(process.pid, signal.SIGKILL)
                 process.wait()
-        self._tell()
+        self._pass_on_lines()
 
     def __enter__(self) -> Self:
         return self

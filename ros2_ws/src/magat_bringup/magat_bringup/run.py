@@ -1,4 +1,4 @@
-"""``magat run``: a team of processes, episodes on it, a table, a picture and an animation."""
+"""``magat run``: starts a team of processes, runs episodes on it, and shows a table, a picture and an animation."""
 
 import json
 import os
@@ -11,14 +11,7 @@ from time import monotonic
 import numpy as np
 from rich.box import SIMPLE
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    SpinnerColumn,
-    TextColumn,
-    TimeElapsedColumn,
-)
+from rich.progress import Progress
 from rich.table import Table
 
 from magat_bringup import log_lines
@@ -29,6 +22,7 @@ from magat_bringup.processes import TeamProcesses
 from magat_bringup.team import TeamPlan
 from magat_interfaces.action import RunEpisode
 from magat_node.plain import plain
+from magat_node.progress import progress_bars
 from magat_pictures.animation import save_animation
 from magat_pictures.drawn_episode import DrawnEpisode
 from magat_pictures.picture import save_picture
@@ -50,13 +44,13 @@ class RunPlan:
     first: int
     #: Folder for logs, results and pictures.
     output: Path
-    #: Whether all that the processes say is shown, or warnings only.
+    #: Whether all log lines of the processes are shown, or warnings only.
     verbose: bool = False
-    #: To which the team is opened, see `magat_bringup.environment.network_for`.
+    #: The interface that the team is opened to, see `magat_bringup.environment.network_for`.
     interface: str = ""
-    #: ROS domain; one that no other run on this machine has if None.
+    #: ROS domain; one that no other run on this machine uses if None.
     domain: int | None = None
-    #: What episodes are run on instead of drawn cases, one each.
+    #: Cases to run instead of drawn ones, one for each episode.
     scenarios: Scenarios | None = None
 
     @property
@@ -109,8 +103,8 @@ def run(plan: RunPlan, team: TeamPlan, console: Console) -> list[RunEpisode.Resu
         os.environ.update(environment)  # for the client, which is in this process
         place = "on this machine only" if network.address == LOOPBACK else f"open to the network at {network.address}"
         console.print(
-            f"[bold]{robots} robots[/], {processes}, carry [bold]{team.policy.name}[/] on {plan.width}x{plan.height} "
-            f"cells; they talk over ROS 2, {place}"
+            f"[bold]{robots} robots[/], {processes}, with the policy [bold]{team.policy.name}[/] "
+            f"on {plan.width}x{plan.height} cells, over ROS 2, {place}"
         )
         _invite(team, network, console)
 
@@ -122,7 +116,7 @@ def run(plan: RunPlan, team: TeamPlan, console: Console) -> list[RunEpisode.Resu
         with (
             TeamProcesses(team, plan.output / "logs", environment, show) as running,
             EpisodeClient(running, domain) as client,
-            _progress(console) as progress,
+            progress_bars(console) as progress,
         ):
             if team.record is not None:
                 task = progress.add_task("the recorder joins the team", total=None)
@@ -132,27 +126,27 @@ def run(plan: RunPlan, team: TeamPlan, console: Console) -> list[RunEpisode.Resu
     results = [outcome.result for outcome in outcomes]
     console.print(_table(plan, robots, results))
     console.print(
-        "[dim]B/tick: bytes of the feature message that a robot sends in a tick; blocked: moves drawn that the "
-        "shield did not let pass; missing: features that did not arrive in time[/]"
+        "[dim]B/tick: bytes of the feature message that a robot sends in a tick; blocked: moves that the "
+        "shield did not allow; missing: features that did not arrive in time[/]"
     )
     _write(plan, team, outcomes, console)
     if team.record is not None:
-        console.print(f"The recording is in {team.record}: `magat analyze {team.record}` says what is in it.")
+        console.print(f"The recording is in {team.record}: analyse it by `magat analyze {team.record}`.")
     return results
 
 
 def _invite(team: TeamPlan, network: Network, console: Console) -> None:
-    """Say how robots that are started elsewhere, and tools, join the team."""
+    """Print how tools and robots that are started separately join the team."""
     join = f"magat env --domain {network.domain}" + (f" --server {network.server}" if network.server else "")
     if not team.robots:
         start = replace(team, robots=True).command("robots")
-        console.print(f"It waits {team.patience:g} s for its robots. Each host starts those that it carries:")
+        console.print(f"The team waits {team.patience:g} s for its robots. Start them on each host:")
         console.print(f'  eval "$({join})"', soft_wrap=True, highlight=False, markup=False)
         console.print(f"  python -m {shlex.join(start.python)}", soft_wrap=True, highlight=False, markup=False)
     if team.view is not None:
         console.print(f"[bold]The page is at http://{PAGE_HOST}:{team.view}/[/]: open it in a browser")
     if team.rviz:
-        console.print("RViz and other tools find the view in this environment:")
+        console.print("RViz and other tools find the team in this environment:")
         console.print(f'  eval "$({join} --tools)"', soft_wrap=True, highlight=False, markup=False)
 
 
@@ -186,11 +180,6 @@ def _run_episodes(
             f"{result.t_max} ticks, {result.ticks_per_second:.0f} ticks/s"
         )
     progress.update(running, visible=False)
-
-
-def _progress(console: Console) -> Progress:
-    columns = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()]
-    return Progress(SpinnerColumn(), *columns, console=console, transient=True)
 
 
 def _table(plan: RunPlan, robots: int, results: list[RunEpisode.Result]) -> Table:

@@ -1,4 +1,4 @@
-"""Which processes make a team, and what each is told: the same for ``magat run`` and for the launch file.
+"""The processes of a team and their arguments: the same for ``magat run`` and for the launch file.
 
 Free of ROS and of launch.
 """
@@ -12,17 +12,17 @@ import yaml
 
 from magat_node.errors import MagatError
 
-#: A name that ROS takes for a namespace: letters, digits and underscores, parts separated by slashes.
+#: A valid ROS namespace: letters, digits and underscores, parts separated by slashes.
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
-#: Words that ROS's parameters take for a truth value or a number.
+#: Words that ROS parameters parse as a Boolean or a number.
 _NO_NAMES = {"y", "n", "yes", "no", "on", "off", "true", "false", "nan", "inf", "infinity"}
 
-#: Environment variables of every process. What one robot computes is small: threads would only wait for each other.
+#: Environment variables of every process. A robot computes little: threads would only wait for each other.
 ENVIRONMENT = {"OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
 
 
 class TeamFileError(MagatError, RuntimeError):
-    """A team, or a file that describes one, cannot be used; the message says what is wrong with it."""
+    """A team, or a file that describes one, cannot be used; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class TeamFile:
     """The robots of a team, and how they share processes.
 
     Raises:
-        TeamFileError: no robots, a name that is none or comes twice, or a crew of nobody.
+        TeamFileError: no robots, an invalid name, a name that occurs twice, or a crew of less than one.
     """
 
     #: Names, which are the robots' namespaces, in the simulator's order.
@@ -44,15 +44,15 @@ class TeamFile:
             raise TeamFileError("the team has no robots: name at least one")
         for name in self.robots:
             if not isinstance(name, str):
-                raise TeamFileError(f"the robot {name!r} is no text but {type(name).__name__}: put it in quotes")
+                raise TeamFileError(f"the robot {name!r} is not text but {type(name).__name__}: put it in quotes")
             if not _NAME.fullmatch(name) or name.lower() in _NO_NAMES:
                 raise TeamFileError(
-                    f"the robot {name!r} cannot be called so: use letters, digits and _, no digit first, "
+                    f"the robot name {name!r} is invalid: use letters, digits and _, no digit first, "
                     f"and none of {', '.join(sorted(_NO_NAMES))}"
                 )
         twice = sorted({name for name in self.robots if self.robots.count(name) > 1})
         if twice:
-            raise TeamFileError(f"{', '.join(twice)}: named more than once, and each robot has a name of its own")
+            raise TeamFileError(f"{', '.join(twice)}: named more than once: give each robot its own name")
         if not isinstance(self.crew, int) or isinstance(self.crew, bool) or self.crew < 1:
             raise TeamFileError(f"the crew is {self.crew!r}: give a number of robots for each process, at least 1")
 
@@ -64,16 +64,16 @@ class TeamFile:
             TeamFileError: there is no such file, or it does not describe a team.
         """
         try:
-            said: Any = yaml.safe_load(path.read_text())
+            content: Any = yaml.safe_load(path.read_text())
         except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
             raise TeamFileError(f"the team file {path} cannot be read: {error}") from error
         try:
-            if not isinstance(said, dict) or not isinstance(said.get("robots"), list):
+            if not isinstance(content, dict) or not isinstance(content.get("robots"), list):
                 raise TeamFileError("it has no list of names under the key robots, such as robots: [alice, bob]")
-            unknown = sorted(str(key) for key in said.keys() - {"robots", "crew"})
+            unknown = sorted(str(key) for key in content.keys() - {"robots", "crew"})
             if unknown:
                 raise TeamFileError(f"it has the unknown keys {', '.join(unknown)}: there are robots and crew")
-            return cls(tuple(said["robots"]), said.get("crew", 1))
+            return cls(tuple(content["robots"]), content.get("crew", 1))
         except TeamFileError as error:
             raise TeamFileError(f"the team file {path} cannot be used: {error}") from error
 
@@ -103,7 +103,7 @@ class Command:
     arguments: tuple[str, ...] = ()
     #: What follows `--ros-args`.
     ros_arguments: tuple[str, ...] = ()
-    #: Whether the team goes on if it is started again.
+    #: Whether the team can continue after it is restarted.
     again: bool = True
 
     @property
@@ -114,7 +114,7 @@ class Command:
 
 @dataclass(frozen=True)
 class TeamPlan:
-    """A team's processes, and what they are told."""
+    """The processes of a team and their arguments."""
 
     team: TeamFile
     #: Folder of the policy that each robot carries.
@@ -129,18 +129,18 @@ class TeamPlan:
     encoding: str = ""
     #: What computes the policy, see `magat_robot.policy.backends`.
     backend: str = "torch"
-    #: ROS parameter file for every process. Where it names a node (``/**/robot``) it goes before what is given here, as
-    #: everywhere in ROS; where it speaks to all (``/**``), after it.
+    #: ROS parameter file for every process. As usual in ROS, its node-specific entries (``/**/robot``) override the
+    #: arguments given here; its ``/**`` entries do not.
     params: Path | None = None
-    #: How long an episode waits for robots that are missing, seconds; see `patience` if None.
+    #: How long an episode waits for missing robots, seconds; see `patience` if None.
     ready_timeout: float | None = None
-    #: Whether there is a view for RViz and the like, too.
+    #: Whether the bridge to RViz and Foxglove is started.
     rviz: bool = False
     #: TCP port of the page that shows the team to browsers of this machine; no page if None.
     view: int | None = None
-    #: Whether processes are started again that a signal has killed.
+    #: Whether processes that a signal has killed are restarted.
     respawn: bool = True
-    #: Whether the robots are started here; if not, others start them, on this host or on others.
+    #: Whether the robots are started here; if not, they are started separately, on this host or on others.
     robots: bool = True
     #: Whether there is a discovery server, at the address in the environment variable ROS_DISCOVERY_SERVER.
     server: bool = False
@@ -149,12 +149,12 @@ class TeamPlan:
 
     @property
     def nodes(self) -> int:
-        """Processes with a ROS node, wherever they are: those that are started, and who asks for episodes."""
+        """Number of processes with a ROS node on all hosts, the client that requests episodes included."""
         return self.team.processes + 3 + self.rviz + (self.view is not None) + (self.record is not None)
 
     @property
     def patience(self) -> float:
-        """How long an episode waits for robots that are missing, seconds: the more there are, the longer."""
+        """How long an episode waits for missing robots, seconds; it grows with the number of processes."""
         return max(60.0, 2.0 * self.team.processes) if self.ready_timeout is None else self.ready_timeout
 
     def command(self, name: str) -> Command:
@@ -162,7 +162,7 @@ class TeamPlan:
         return next(command for command in self.commands() if command.name == name)
 
     def commands(self) -> list[Command]:
-        """How the processes are started, one after the other.
+        """The commands, in the order in which they are started.
 
         Raises:
             TeamFileError: there is no file ``params``.
@@ -183,7 +183,7 @@ class TeamPlan:
             package="magat_bringup",
             executable="discovery_server",
             module="magat_bringup.discovery",
-            again=False,  # another one would not know whom this one has aggregated together
+            again=False,  # a new server would not know the participants of this one
         )
         robots = Command(
             name="robots",
@@ -212,7 +212,7 @@ class TeamPlan:
             ),
         ]
         if self.record is not None:
-            # First, because nothing is to be said before it listens.
+            # First, so that it misses no message.
             bag = ("-p", f"bag:={self.record.resolve()}")
             recorder = Command(
                 name="recorder",

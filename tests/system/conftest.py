@@ -33,7 +33,7 @@ class RunningTeam:
     said: list[tuple[str, str]]
 
     def has_said(self, process: str, words: str) -> bool:
-        """Whether ``process`` has said ``words`` in a line."""
+        """Whether a line of ``process`` contains ``words``."""
         return any(name == process and words in line for name, line in self.said)
 
     def goal(self, number: int, seed: int = SET_SEED, **fields) -> RunEpisode.Goal:
@@ -44,7 +44,7 @@ class RunningTeam:
         return self.client.run(goal, on_feedback)
 
     def run_undisturbed(self, goal: RunEpisode.Goal) -> EpisodeOutcome:
-        """As `run`; again if a message came too late, which may happen where the machine is busy with other things."""
+        """As `run`, repeated if a message came too late, which can happen on a busy machine."""
         for _ in range(3):
             outcome = self.run(goal)
             if (outcome.result.silent, outcome.result.features_missing) == (0, 0):
@@ -52,7 +52,7 @@ class RunningTeam:
         return outcome
 
     def statuses(self) -> dict[str, RobotStatus]:
-        """What the process of each robot says of itself, now."""
+        """The current status of the process of each robot."""
         said: dict[str, RobotStatus] = {}
 
         def note(status: RobotStatus) -> None:

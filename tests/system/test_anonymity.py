@@ -1,4 +1,4 @@
-"""No message a robot receives, and no metadata it reads, tells who sent it."""
+"""No message that a robot receives, and no metadata that it reads, identifies the sender."""
 
 import collections
 import functools
@@ -139,7 +139,7 @@ def test_nothing_but_tick_tag_and_payload_differs_between_messages(overheard):
 
 
 def test_tags_do_not_order_the_robots(overheard):
-    """Neither by value nor by their place in the list of audible tags does a tag tell whose it is."""
+    """Neither the value of a tag nor its place in the list of audible tags identifies its sender."""
     _, _, observations = overheard
     by_tick = collections.defaultdict(dict)
     for robot, seen in observations.items():
@@ -170,7 +170,7 @@ def test_a_robot_is_told_its_own_stream_only(overheard):
 
 
 def test_robots_never_ask_the_middleware_where_a_message_came_from():
-    """Callbacks of one argument get no MessageInfo, whose sequence number could link a sender's messages."""
+    """Callbacks with one argument get no MessageInfo: its sequence number could link the messages of one sender."""
     assert list(inspect.signature(RobotNode._on_feature).parameters) == ["self", "data"]
     # Which of its robots a message is for is bound before.
     assert list(inspect.signature(RobotNode._on_bundle).parameters) == ["self", "robot", "data"]

@@ -1,4 +1,4 @@
-"""What strangers send, or the wrong requests, harms nobody: paths stay what they were, errors are clear."""
+"""Messages from foreign processes and wrong requests do no harm: paths do not change, errors are clear."""
 
 import array
 import collections
@@ -156,7 +156,7 @@ def test_a_saboteur_on_every_topic_changes_nothing(start_team, radio, crew):
 
 
 def test_no_hello_makes_a_robot_hear_fewer_others(team):
-    """Whatever number of robots a stranger says that it carries."""
+    """Whatever number of robots a foreign process claims to carry."""
     most = 2**32 - 1
     with Guest(team.client):
         stranger = team.client.node.create_publisher(Feature, "/feature", qos.newest(10))
@@ -171,7 +171,7 @@ def test_no_hello_makes_a_robot_hear_fewer_others(team):
 
 @pytest.fixture
 def lone_simulator():
-    """A simulator of three robots, with nobody there; yields a client."""
+    """A simulator of three robots without robot processes; yields a client."""
     with own_domain() as domain:
         environment = os.environ | loopback(domain)
         environment.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None)

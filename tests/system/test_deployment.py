@@ -78,7 +78,7 @@ class Deployer:
 
 
 def all_carry(team, folder: Path) -> bool:
-    """Whether all robots carry the policy in ``folder``; one that was just started again has a moment to say so."""
+    """Whether all robots carry the policy in ``folder``; a robot that was just restarted has a moment to report it."""
     digest = read_folder(folder)[1]
     return team.client.spin(lambda: {said.digest for said in team.statuses().values()} == {digest}, 20.0)
 

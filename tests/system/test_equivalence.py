@@ -186,7 +186,7 @@ def test_so_do_crews_whose_messages_travel_several_hops_and_one_that_dies_takes_
     dead = silent[0]
     assert dead in ({0, 1}, {2, 3}, {4, 5})
     assert all(dead <= now for now in silent)
-    # Another one may be late where the machine is busy with other things.
+    # On a busy machine a message may be late.
     assert sum(now == dead for now in silent) > 0.5 * len(silent)
     assert (recording.positions[8:, sorted(dead)] == recording.positions[8, sorted(dead)]).all()
     # What the dead would say is not waited for, and missed by nobody.

@@ -1,4 +1,4 @@
-"""What happens to processes and to the network: nobody collides, nothing hangs, and measures say what went wrong."""
+"""Faults of processes and of the network: no robot collides, nothing hangs, and the measures show what went wrong."""
 
 import os
 import re

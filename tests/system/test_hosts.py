@@ -176,7 +176,7 @@ class SpreadTeam:
     said: "Queue[dict[str, Any]]"
 
     def hear(self, seconds: float = 120.0) -> dict[str, Any]:
-        """What the team's host says next."""
+        """The next line of the team's host."""
         try:
             said = self.said.get(timeout=seconds)
         except Empty:
@@ -195,7 +195,7 @@ class SpreadTeam:
         return said | {name: np.array(said[name]) for name in ("obstacles", "positions", "silent")}
 
     def run_undisturbed(self) -> dict[str, Any]:
-        """As `run`; again if a message came too late, which may happen where the machine is busy with other things."""
+        """As `run`, repeated if a message came too late, which can happen on a busy machine."""
         for _ in range(3):
             outcome = self.run()
             if outcome["result"]["silent"] == outcome["result"]["features_missing"] == 0:

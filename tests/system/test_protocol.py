@@ -1,4 +1,4 @@
-"""The running team speaks as docs/protocol.md says, under either radio."""
+"""A running team follows docs/protocol.md, with both radios."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The recorder alone: when it says that it misses nothing, and what it refuses."""
+"""The recorder alone: when it reports that it receives everything, and what it refuses."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -77,7 +77,7 @@ def test_every_message_of_every_tick_of_twenty_robots_is_there(run):
     assert recording.lost.to_numpy().tolist() == []
     messages = recording.messages[recording.messages.tick >= 0]
     counts = messages.groupby("kind").size()
-    # Robots that missed the deadline, on a busy machine, may have said less.
+    # On a busy machine, robots that missed the deadline may have sent less.
     late = sum(result["silent"] for result in results)
     for kind in ("Observation", "Feature", "Preference"):
         assert 20 * ticks - late <= counts[kind] <= 20 * ticks, kind

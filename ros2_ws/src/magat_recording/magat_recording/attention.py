@@ -83,7 +83,7 @@ def _links(recording: TeamRecording, episode: RecordedEpisode, policy: Policy | 
             "conflict": _conflict(here, there, action[tick[row], receiver[row]], action[tick[row], sender]),
         }
     )
-    if policy is None:
+    if policy is None or not policy.config.communicates:
         return table
     parts = []
     for number, (weights, present) in enumerate(_weights(recording, rows, heard, policy)):
@@ -131,8 +131,7 @@ def _weights(
         places = np.maximum(heard, 0)
         present = (heard >= 0) & there[places]
         messages = sent[places]
-        if size:
-            result.append((policy.attention(own, messages, present), present))
+        result.append((policy.attention(own, messages, present), present))
         own = policy.hear(own, messages, present)
     return result
 

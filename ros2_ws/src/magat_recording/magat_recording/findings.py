@@ -77,11 +77,10 @@ def analyze(bag: Path, policy: str | None, console: Console) -> Findings:
     with console.status(f"reading {bag}"):
         recording = TeamRecording(bag)
     carried, why = carried_policy(recording, policy)
+    if carried is not None and not carried.config.communicates:
+        why = f"robots with {carried.config.name} and K = 1 do not communicate"
     with console.status("computing attention"):
-        talks = carried is not None and carried.config.taps > 1
-        return Findings(
-            recording, carried, why, links(recording, carried if talks else None), deadlocks(recording.robots)
-        )
+        return Findings(recording, carried, why, links(recording, carried), deadlocks(recording.robots))
 
 
 def carried_policy(recording: TeamRecording, name: str | None) -> tuple[Policy | None, str]:

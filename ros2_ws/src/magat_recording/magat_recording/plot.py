@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.progress import Progress
 
+from magat_node.progress import progress_bars
 from magat_pictures.animation import save_animation
 from magat_pictures.drawn_episode import DrawnEpisode
 from magat_pictures.picture import Attention, save_picture
@@ -56,7 +56,7 @@ def plot(
         console.print(f"Without attention: {why}", markup=False)
     chosen = None if robot is None else recording.names.index(robot)
     if output.suffix == ANIMATION:
-        with Progress(console=console, transient=True) as progress:
+        with progress_bars(console) as progress:
             task = progress.add_task("drawing")
             attention = _attention(recording, shown, carried)
             if attention is not None and chosen is not None:
@@ -85,7 +85,7 @@ def _attention(
     recording: TeamRecording, episode: RecordedEpisode, policy: Policy | None, tick: int | None = None
 ) -> list[dict[tuple[int, int], float]] | None:
     """By receiver and sender, of all ticks or one, in the first round, the mean over the heads; None if not known."""
-    if policy is None or policy.config.taps == 1:
+    if policy is None or not policy.config.communicates:
         return None
     table = links_of(recording, episode, policy, tick)
     if table is None:

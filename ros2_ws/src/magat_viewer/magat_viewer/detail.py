@@ -151,12 +151,11 @@ def _followed(
     if policy.rounds > 1 or fate.missing or said.audible != len(near):
         return unheard
     own = policy.perceive(said.view[None])
-    attention: dict[int, list[float]] = {}
-    why = f"robots with {policy.config.name} do not talk"
-    if policy.rounds:
-        messages, present = _messages(_spoken(moment, near, policy), _encoding(said, policy))
-        attention, why = _by_neighbour(policy, own, messages, present, near), ""
-        own = policy.hear(own, messages, present)
+    attention, why = {}, _no_attention(policy)
+    messages, present = _messages(_spoken(moment, near, policy), _encoding(said, policy))
+    if policy.config.communicates:
+        attention = _by_neighbour(policy, own, messages, present, near)
+    own = policy.hear(own, messages, present)
     decision = policy.decide(own, np.array([fate.stream], dtype=np.uint64), moment.tick)
     if decision.primitives[0] != fate.action:
         return unheard
@@ -180,8 +179,8 @@ def _attention(
     if why := _unknowable(moment, policy):
         return {}, why
     assert not isinstance(policy, str)
-    if policy.rounds == 0:
-        return {}, f"robots with {policy.config.name} do not talk"
+    if not policy.config.communicates:
+        return {}, _no_attention(policy)
     nothing = said.payloads is not None and not said.payloads
     if not near or not said.audible or nothing:
         return {}, ""
@@ -205,6 +204,11 @@ def _unknowable(moment: TeamSnapshot, policy: "Policy | str") -> str:
     if isinstance(policy, str):
         return policy
     return "" if moment.obstacles is not None else "the map is not known before the next episode begins"
+
+
+def _no_attention(policy: "Policy") -> str:
+    """Why there is no attention with this policy; empty if there is."""
+    return "" if policy.config.communicates else f"robots with {policy.config.name} and K = 1 do not communicate"
 
 
 def _encoding(said: RobotTick, policy: "Policy") -> str:

@@ -83,6 +83,11 @@ class PolicyConfig:
         return self._part("layer") == "GNN_baseline"
 
     @property
+    def communicates(self) -> bool:
+        """Whether robots use each other's features: K > 1. With K = 1 they send one empty message a tick."""
+        return self.taps > 1
+
+    @property
     def message_sizes(self) -> tuple[int, ...]:
         """How many numbers a robot sends in each round of a tick.
 

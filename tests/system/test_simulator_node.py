@@ -8,9 +8,8 @@ from magat_bringup.environment import own_domain
 from magat_interfaces.msg import Feature, Observation
 from magat_node import cdr
 from magat_sim.case import draw_case
+from magat_sim.episode_states import EpisodeRequest, Gathering, Idle
 from magat_sim.node import SimulatorNode
-from magat_sim.streams import episode_streams
-from magat_sim.ticks import DistributedEpisode
 
 NAMES = ["a", "b", "c", "d"]
 EPISODE = 7
@@ -46,15 +45,12 @@ def simulator():
         parameters = [Parameter("robots", value=NAMES), Parameter("radio", value="relayed")]
         node = SimulatorNode(context=context, parameter_overrides=parameters)
         node._send, node._relay_to = ([Recorder() for _ in NAMES] for _ in range(2))
-        node.destroy_timer(node._relay_deadline)
-        node._relay_deadline = Recorder()
-        node._episode, node._episode_id = (
-            DistributedEpisode(draw_case(1, 0, 5, 5, 4), 9, episode_streams(1, 0, 4)),
-            EPISODE,
-        )
+        node.destroy_timer(node._server.relay_deadline)
+        node._server.relay_deadline = Recorder()
         for member in node._team.members[:3]:
             member.join()
-        node._look()
+        request = EpisodeRequest(EPISODE, draw_case(1, 0, 5, 5, 4), seed=1, number=0, t_max=9, expert_w=1.1)
+        node._server._start(Gathering(None, request, begun=0.0), None, "")
         tags = [sender.said[-1].own_tag if sender.said else None for sender in node._send]
         assert tags[3] is None
         yield node, tags
@@ -89,23 +85,23 @@ def test_a_round_is_handed_on_as_soon_as_all_that_take_part_have_spoken(simulato
         for robot in (2, 0):
             send(simulator, robot, number)
             assert handed_on(simulator) == [[]] * 4
-            assert node._relay_deadline.running, "from the first message on"
+            assert node._server.relay_deadline.running, "from the first message on"
         send(simulator, 1, number)
         others = [[bytes([j, number]) for j in range(3) if j != i] for i in range(3)]
         assert handed_on(simulator) == [*[[(number, Feature.FLOAT16, parts)] for parts in others], []]
-        assert not node._relay_deadline.running
+        assert not node._server.relay_deadline.running
 
 
 def test_at_the_deadline_what_is_there_is_handed_on(simulator):
     node, _ = simulator
     send(simulator, 1)
-    node._on_relay_deadline()
+    node._server.end_round()
     assert handed_on(simulator) == [[(0, 1, [b"\1\0"])], [(0, 1, [])], [(0, 1, [b"\1\0"])], []]
-    assert not node._relay_deadline.running
+    assert not node._server.relay_deadline.running
     send(simulator, 0)  # late: this round is over
-    assert not node._relay_deadline.running
+    assert not node._server.relay_deadline.running
     send(simulator, 0, number=1)
-    assert node._relay_deadline.running
+    assert node._server.relay_deadline.running
     assert handed_on(simulator) == [[]] * 4
 
 
@@ -123,7 +119,7 @@ def test_at_the_deadline_what_is_there_is_handed_on(simulator):
 def test_what_is_of_no_use_is_not_handed_on_and_waited_for_no_longer(simulator, changes):
     node, _ = simulator
     send(simulator, 0, **changes)
-    assert not node._relay_deadline.running
+    assert not node._server.relay_deadline.running
     for robot in range(3):
         send(simulator, robot)
     assert [len(bundles) for bundles in handed_on(simulator)] == [1, 1, 1, 0]
@@ -133,7 +129,7 @@ def test_what_cannot_be_read_harms_nobody(simulator):
     node, _ = simulator
     for data in (b"", b"abc", cdr.pack_feature(EPISODE, 0, 0, simulator[1][0], 0, b"xy")[:-1]):
         node._on_feature(data)
-    assert not node._relay_deadline.running
+    assert not node._server.relay_deadline.running
     send(simulator, 0, encoding=99, payload=b"of another kind")
     send(simulator, 1)
     assert handed_on(simulator) == [[]] * 4
@@ -143,11 +139,11 @@ def test_what_cannot_be_read_harms_nobody(simulator):
 
 def test_nothing_is_relayed_between_episodes(simulator):
     node, _ = simulator
-    node._episode = None
+    node._server.state = Idle()
     send(simulator, 0)
-    node._on_relay_deadline()
+    node._server.end_round()
     assert handed_on(simulator) == [[]] * 4
-    assert not node._relay_deadline.running
+    assert not node._server.relay_deadline.running
 
 
 def test_a_radio_that_does_not_exist_is_refused():

@@ -1,15 +1,15 @@
-"""Services and actions that answer later."""
+"""Services and actions that answer later than in their callback."""
 
 from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from rclpy.action import ActionServer
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
 
-#: Results are kept for clients that ask late for so long, seconds. By rclpy's default it is 15 minutes, in which every
-#: change of a goal is told with the states of thousands of others.
+#: How long results are kept for clients that ask late, seconds. rclpy's default is 15 minutes; every status message
+#: would then list thousands of goals that have ended.
 RESULT_TIMEOUT = 10
 
 
@@ -18,15 +18,15 @@ def create_deferred_service(
 ) -> None:
     """Create a service whose requests are answered by work that goes on after the callback.
 
-    rclpy sends what a callback returns, and an EventsExecutor serves nobody else until then. Here the callback starts
-    the work and returns.
+    rclpy sends what a callback returns, and an EventsExecutor runs no other callback until then. Here the callback
+    starts the work and returns.
 
     Args:
-        node: that offers the service.
-        service_type: of the service.
-        name: of the service, as `Node.create_service` takes it.
-        handle: called in the executor's thread with the request and a function that sends the response, which may be
-            called at any time until the node is destroyed, once, in any thread.
+        node: the node that offers the service.
+        service_type: the type of the service.
+        name: the name of the service, as `Node.create_service` takes it.
+        handle: called in the executor's thread with the request and a function that sends the response. That function
+            may be called once, in any thread, at any time until the node is destroyed.
     """
     service = node.create_service(service_type, name, lambda request, _: request)
     send = service.send_response
@@ -39,15 +39,16 @@ def create_deferred_service(
 
 
 class DeferredActionServer(ActionServer):
-    """An action server whose goals are ended by events to come.
+    """An action server whose goals are ended by later events.
 
-    rclpy runs a goal in a callback, and one that awaits keeps an EventsExecutor busy. Here the callback starts the work
-    and returns; `finish` ends the goal when the result is there.
+    rclpy runs a goal in a callback, and a callback that awaits keeps an EventsExecutor busy. Here the callback starts
+    the work and returns; `finish` ends the goal when the result is there.
     """
 
     def __init__(
         self, node: Node, action_type: type, name: str, start: Callable[[ServerGoalHandle], None], **options: object
     ) -> None:
+        """Offer the action ``name`` on ``node``; ``start`` is called with each goal that is accepted."""
         options = {"result_timeout": RESULT_TIMEOUT} | options
         super().__init__(node, action_type, name, lambda goal: None, **options)
         self._start = start
@@ -64,3 +65,60 @@ class DeferredActionServer(ActionServer):
             return result
 
         super().notify_execute(goal_handle, execute)
+
+
+class RunningGoal:
+    """The goal of a `SingleGoalActionServer`. It ends once, by `succeed`, `abort` or `cancel`."""
+
+    def __init__(self, server: "SingleGoalActionServer", handle: ServerGoalHandle) -> None:
+        """Wrap rclpy's ``handle``."""
+        self._server, self._handle = server, handle
+        #: The goal message.
+        self.request: Any = handle.request
+
+    @property
+    def cancel_requested(self) -> bool:
+        """The client has asked to cancel it."""
+        return self._handle.is_cancel_requested
+
+    def feed_back(self, feedback: object) -> None:
+        """Send a feedback message."""
+        self._handle.publish_feedback(feedback)
+
+    def succeed(self, result: object) -> None:
+        """End it as succeeded."""
+        self._end(self._handle.succeed, result)
+
+    def abort(self, result: object) -> None:
+        """End it as aborted."""
+        self._end(self._handle.abort, result)
+
+    def cancel(self, result: object) -> None:
+        """End it as cancelled, which its client has asked for."""
+        self._end(self._handle.canceled, result)
+
+    def _end(self, end: Callable[[], None], result: object) -> None:
+        self._server.goal = None
+        self._server.finish(self._handle, end, result)
+
+
+class SingleGoalActionServer(DeferredActionServer):
+    """An action server that serves one goal at a time, rejects others meanwhile, and accepts requests to cancel."""
+
+    def __init__(self, node: Node, action_type: type, name: str, begin: Callable[[RunningGoal], None]) -> None:
+        """Offer the action ``name`` on ``node``; ``begin`` is called with each goal that is accepted."""
+        #: The goal that is being served.
+        self.goal: RunningGoal | None = None
+        self._begin = begin
+        super().__init__(
+            node,
+            action_type,
+            name,
+            self._accepted,
+            goal_callback=lambda _: GoalResponse.ACCEPT if self.goal is None else GoalResponse.REJECT,
+            cancel_callback=lambda _: CancelResponse.ACCEPT,
+        )
+
+    def _accepted(self, handle: ServerGoalHandle) -> None:
+        self.goal = RunningGoal(self, handle)
+        self._begin(self.goal)

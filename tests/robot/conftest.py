@@ -1,9 +1,11 @@
-"""What the tests of policies share: which policies they are held for, and how these compute."""
+"""Shared by the tests of policies: the policies that they run for."""
 
 import pytest
 import torch
 
-#: One of each kind, and what can go wrong together: heads, hops, layers, the robot's own features.
+from magat_robot.policy.layers import LAYERS
+
+#: Each kind of layer, with combinations of heads, hops, layers and types B and F.
 VARIANTS = {
     "MAGAT-F-16": {},
     "MAGAT-B-8-P4": {},
@@ -15,6 +17,12 @@ VARIANTS = {
     "GNN-B-8-P3": {"taps": 3, "layers": 2, "normalise": False},
     "GNN_baseline-F-16": {"taps": 3},
 }
+#: A layer that is registered, and not above, is tested without further ado.
+VARIANTS |= {
+    f"{name}-B-8-P3": {"taps": 3, "layers": 2}
+    for name in LAYERS
+    if not any(variant.startswith(f"{name}-") for variant in VARIANTS)
+}
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -25,5 +33,5 @@ def _one_thread() -> None:
 
 @pytest.fixture(scope="session", params=VARIANTS)
 def variant(request: pytest.FixtureRequest) -> dict:
-    """What makes a policy, for `random_network` and `small_policy`: its name, and what else is not as by default."""
+    """Arguments of `random_network` and `small_policy`: the policy's name and its non-default settings."""
     return {"name": request.param} | VARIANTS[request.param]

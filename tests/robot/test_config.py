@@ -1,4 +1,4 @@
-"""Names of policies, and what their configurations may hold."""
+"""Policy names, and the values that configurations may hold."""
 
 import json
 
@@ -8,26 +8,26 @@ from magat_robot.policy.config import ModelError, PolicyConfig
 
 
 @pytest.mark.parametrize(
-    ("name", "layer", "plain", "bottleneck", "features", "heads"),
+    ("name", "layer", "bottleneck", "features", "heads"),
     [
-        ("MAGAT-F-128", "MAGAT", False, False, 128, 1),
-        ("MAGAT-F-16", "MAGAT", False, False, 16, 1),
-        ("MAGAT-B-64", "MAGAT", False, True, 64, 1),
-        ("MAGAT-F-32-P4", "MAGAT", False, False, 32, 4),
-        ("MAGAT-B-32-P4", "MAGAT", False, True, 32, 4),
-        ("GNN-F-64", "GNN", False, False, 64, 1),
-        ("GNN-B-64", "GNN", False, True, 64, 1),
-        ("GAT-F-128", "GAT", False, False, 128, 1),
-        ("GAT-B-32-P4", "GAT", False, True, 32, 4),
-        ("GNN_baseline-F-128", "GNN", True, False, 128, 1),
-        ("GNN_baseline-B-16-P12", "GNN", True, True, 16, 12),
+        ("MAGAT-F-128", "MAGAT", False, 128, 1),
+        ("MAGAT-F-16", "MAGAT", False, 16, 1),
+        ("MAGAT-B-64", "MAGAT", True, 64, 1),
+        ("MAGAT-F-32-P4", "MAGAT", False, 32, 4),
+        ("MAGAT-B-32-P4", "MAGAT", True, 32, 4),
+        ("GNN-F-64", "GNN", False, 64, 1),
+        ("GNN-B-64", "GNN", True, 64, 1),
+        ("GAT-F-128", "GAT", False, 128, 1),
+        ("GAT-B-32-P4", "GAT", True, 32, 4),
+        ("GNN_baseline-F-128", "GNN_baseline", False, 128, 1),
+        ("GNN_baseline-B-16-P12", "GNN_baseline", True, 16, 12),
     ],
 )
 def test_the_papers_names_say_what_a_policy_is(
-    name: str, layer: str, plain: bool, bottleneck: bool, features: int, heads: int
+    name: str, layer: str, bottleneck: bool, features: int, heads: int
 ) -> None:
     config = PolicyConfig(name)
-    assert (config.layer, config.plain, config.bottleneck) == (layer, plain, bottleneck)
+    assert (config.layer.name, config.bottleneck) == (layer, bottleneck)
     assert (config.features, config.heads) == (features, heads)
 
 

@@ -117,7 +117,7 @@ def test_layers_after_the_convolutions_are_exact_in_float64(random_network: Call
             assert parameter.abs().sum() * most * 2 ** (16 + fp.EXPONENT_BITS) < 2**53
             assert parameter.any() or not parameter.numel()
     taps, layers = deployed.config.taps, deployed.config.layers
-    each = {"MAGAT": 3, "GAT": 3 + (taps > 1), "GNN": 2}[deployed.config.layer]
+    each = {"MAGAT": 3, "GAT": 3 + (taps > 1), "GNN": 2, "GNN_baseline": 2}[deployed.config.layer.name]
     assert seen == 8 + layers * each
 
 

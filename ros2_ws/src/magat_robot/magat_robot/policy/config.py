@@ -6,9 +6,10 @@ from typing import Any
 
 from magat_node.errors import MagatError
 from magat_robot.policy.grids import ACTIVATION_MAX, SUM_MAX
+from magat_robot.policy.layers import LAYERS, LayerSpec
 
 _NAME = re.compile(
-    r"(?P<layer>MAGAT|GNN_baseline|GNN|GAT)-(?P<type>[FB])-(?P<features>[0-9]{1,9})(-P(?P<heads>[0-9]{1,9}))?"
+    rf"(?P<layer>{'|'.join(LAYERS)})-(?P<type>[FB])-(?P<features>[0-9]{{1,9}})(-P(?P<heads>[0-9]{{1,9}}))?"
 )
 
 #: Shape of an observation: obstacles, robots, goal; the 9 x 9 field of view and the ring around it.
@@ -73,14 +74,9 @@ class PolicyConfig:
             raise ModelError(f"temperature {self.temperature} is not within 0.01 and 100")
 
     @property
-    def layer(self) -> str:
-        """How messages are weighed: MAGAT, GAT or GNN."""
-        return "GNN" if self.plain else str(self._part("layer"))
-
-    @property
-    def plain(self) -> bool:
-        """GNN_baseline: the CNN is a plain stack, without residual blocks."""
-        return self._part("layer") == "GNN_baseline"
+    def layer(self) -> LayerSpec:
+        """The kind of graph layer."""
+        return LAYERS[str(self._part("layer"))]
 
     @property
     def communicates(self) -> bool:
@@ -98,14 +94,14 @@ class PolicyConfig:
         sizes = []
         for layer in range(self.layers):
             inputs = self.features if layer == 0 else self.features * self.heads
-            further = inputs if self.layer == "GNN" else inputs * (1 + self.heads)
+            further = inputs * (1 + self.heads) if self.layer.attention else inputs
             sizes += [inputs, *[further] * (self.taps - 2)] if self.taps > 1 else []
         return tuple(sizes) or (0,)
 
     @property
     def largest(self) -> float:
         """The largest number that a message can hold."""
-        sums = self.layer == "GNN" and not self.normalise and self.taps > 2
+        sums = not self.layer.attention and not self.normalise and self.taps > 2
         return SUM_MAX if sums else ACTIVATION_MAX
 
     @property

@@ -1,28 +1,75 @@
-"""The graph layers: what a robot makes of its neighbours' messages (MAGAT paper, Eq. 3 and 5 to 9)."""
+"""The graph layers: how a robot aggregates its neighbours' messages (MAGAT paper, Eq. 3 and 5 to 9).
+
+To add one, define a subclass of `GraphLayer` here and decorate it with `layer`. Its name is then the first part of
+valid policy names, and the tests in `tests/robot` run for it, too.
+"""
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import TypeVar
 
 import torch
 from torch import Tensor, nn
 
 from magat_robot.policy import fixed_point as fp
+from magat_robot.policy.config import PolicyConfig
+from magat_robot.policy.layers import LAYERS, LayerSpec
 
 #: Slope of the LeakyReLU in Eq. 6 (the value of the GAT paper).
 LEAKY_SLOPE = 0.2
+
+_Layer = TypeVar("_Layer", bound="type[GraphLayer]")
+_classes: dict[str, "type[GraphLayer]"] = {}
+
+
+def layer(name: str, *, attention: bool = True, plain_cnn: bool = False) -> Callable[[_Layer], _Layer]:
+    """Class decorator: registers a graph layer for the policies whose names begin with ``name``.
+
+    `magat_robot.policy.layers` reads the arguments from this file without running it, so they have to be literals.
+
+    Args:
+        name: first part of the policy names.
+        attention: see `LayerSpec.attention`.
+        plain_cnn: see `LayerSpec.plain_cnn`.
+
+    Raises:
+        ValueError: the name is taken, or the decorator is used in another file or with other values than literals.
+    """
+
+    def register(cls: _Layer) -> _Layer:
+        if LAYERS.get(name) != LayerSpec(name, attention, plain_cnn) or name in _classes:
+            raise ValueError(
+                f"the layer {name!r} is not registered once, with literals, in {__file__}: define it there"
+            )
+        _classes[name] = cls
+        return cls
+
+    return register
+
+
+def build_layer(config: PolicyConfig, inputs: int) -> "GraphLayer":
+    """A new layer of the kind that ``config`` names, which gets ``inputs`` numbers of each robot."""
+    return _classes[config.layer.name](config, inputs)
 
 
 class GraphLayer(fp.Exactable, ABC):
     """``y_i = sigma(x_i A_0 + sum_{k = 1}^{K - 1} [(E * S)^k X]_i A_k)`` per head, heads concatenated (Eq. 5, 8).
 
-    ``[(E * S)^k X]_i`` is what reaches robot i over k hops, in k rounds of messages. The subclasses say how the
+    ``[(E * S)^k X]_i`` is what reaches robot i over k hops, in k rounds of messages. The subclasses define how the
     messages of a neighbourhood are weighed. Shapes: R robots, M places for messages, P heads, F inputs, G outputs.
     """
 
-    def __init__(self, inputs: int, outputs: int, heads: int, taps: int) -> None:
+    def __init__(self, config: PolicyConfig, inputs: int) -> None:
+        """Create the weights.
+
+        Args:
+            config: of the policy; P, K and G are its ``heads``, ``taps`` and ``features``.
+            inputs: F.
+        """
         super().__init__()
-        self.inputs, self.heads = inputs, heads
-        self.own = nn.Linear(inputs, heads * outputs, bias=False)  # A_0
-        self.taps = nn.Parameter(torch.empty(taps - 1, heads, inputs, outputs))  # A_1, ...
+        self.inputs, self.heads = inputs, config.heads
+        self.own = nn.Linear(inputs, config.heads * config.features, bias=False)  # A_0
+        self.taps = nn.Parameter(torch.empty(config.taps - 1, config.heads, inputs, config.features))  # A_1, ...
         nn.init.kaiming_uniform_(self.own.weight, nonlinearity="relu")
         for matrix in self.taps.data.flatten(0, 1):
             nn.init.kaiming_uniform_(matrix.T, nonlinearity="relu")
@@ -100,12 +147,13 @@ class ScoredAttention(GraphLayer):
         """``[R, P, M]``; arguments as for `attention`."""
 
 
+@layer("MAGAT")
 class MessageAwareAttention(ScoredAttention):
     """MAGAT: ``e_ij = softmax_j LeakyReLU(x_i W x_j^T)`` (Eq. 6, 7)."""
 
-    def __init__(self, inputs: int, outputs: int, heads: int, taps: int) -> None:
-        super().__init__(inputs, outputs, heads, taps)
-        self.query = nn.Linear(inputs, heads * inputs, bias=False)  # x -> x W, head by head
+    def __init__(self, config: PolicyConfig, inputs: int) -> None:
+        super().__init__(config, inputs)
+        self.query = nn.Linear(inputs, self.heads * inputs, bias=False)  # x -> x W, head by head
         # Scores start near zero, so that attention starts near the plain mean.
         nn.init.normal_(self.query.weight, std=0.1 / inputs)
 
@@ -117,16 +165,17 @@ class MessageAwareAttention(ScoredAttention):
         return query @ keys.transpose(1, 2)
 
 
+@layer("GAT")
 class GraphAttention(ScoredAttention):
     """GAT: ``e_ij = softmax_j LeakyReLU((x_i A_1 || x_j A_1) H)`` (Eq. 6, 9; Velickovic et al., ICLR 2018).
 
     The paper leaves open which A_k: it is that of the first hop, with which the same messages are fused.
     """
 
-    def __init__(self, inputs: int, outputs: int, heads: int, taps: int) -> None:
-        super().__init__(inputs, outputs, heads, taps)
-        self.pair = nn.Parameter(torch.empty(2, heads, outputs))  # the halves of H: receiver's, sender's
-        nn.init.normal_(self.pair, std=0.1 / outputs)
+    def __init__(self, config: PolicyConfig, inputs: int) -> None:
+        super().__init__(config, inputs)
+        self.pair = nn.Parameter(torch.empty(2, self.heads, config.features))  # halves of H: receiver's, sender's
+        nn.init.normal_(self.pair, std=0.1 / config.features)
         self.folded: nn.Parameter | None = None
 
     def scores(self, x: Tensor, keys: Tensor) -> Tensor:
@@ -145,15 +194,17 @@ class GraphAttention(ScoredAttention):
         return torch.einsum("pfg,hpg->hpf", self.taps[0], self.pair)
 
 
+@layer("GNN", attention=False)
+@layer("GNN_baseline", attention=False, plain_cnn=True)
 class GraphConvolution(GraphLayer):
     """GNN: all neighbours weigh the same, ``e_ij = 1`` (Eq. 3); S is the adjacency over the receiver's degree, or bare.
 
     (The authors' code divides by the largest eigenvalue of the whole team's graph, which no robot knows.)
     """
 
-    def __init__(self, inputs: int, outputs: int, heads: int, taps: int, normalise: bool) -> None:
-        super().__init__(inputs, outputs, heads, taps)
-        self.normalise = normalise
+    def __init__(self, config: PolicyConfig, inputs: int) -> None:
+        super().__init__(config, inputs)
+        self.normalise = config.normalise
 
     def message(self, x: Tensor, aggregated: Tensor | None) -> Tensor:
         """As `GraphLayer.message`, but without x from the second round on: ``[R, F]``."""
@@ -171,10 +222,3 @@ class GraphConvolution(GraphLayer):
         weights = present[:, None, :].expand(-1, self.heads, -1).to(x.dtype)
         total = weights.sum(-1, keepdim=True).clamp_min(1.0)
         return weights, total if self.normalise else torch.ones_like(total)
-
-
-def graph_layer(kind: str, inputs: int, outputs: int, heads: int, taps: int, normalise: bool) -> GraphLayer:
-    """The layer of a policy whose name begins with ``kind``: MAGAT, GAT or GNN."""
-    if kind == "GNN":
-        return GraphConvolution(inputs, outputs, heads, taps, normalise)
-    return {"MAGAT": MessageAwareAttention, "GAT": GraphAttention}[kind](inputs, outputs, heads, taps)

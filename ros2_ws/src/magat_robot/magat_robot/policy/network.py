@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from magat_robot.policy import fixed_point as fp
 from magat_robot.policy.config import PRIMITIVES, PolicyConfig
 from magat_robot.policy.extractor import CNN_FEATURES, ConvNorm, FeatureExtractor, Sum
-from magat_robot.policy.graph import GraphLayer, graph_layer
+from magat_robot.policy.graph import GraphLayer, build_layer
 
 
 @dataclass(frozen=True)
@@ -38,14 +38,11 @@ class PolicyNetwork(fp.Exactable):
     def __init__(self, config: PolicyConfig) -> None:
         super().__init__()
         self.config = config
-        self.extractor = FeatureExtractor(config.channels, config.plain)
+        self.extractor = FeatureExtractor(config.channels, config.layer.plain_cnn)
         self.reduction = nn.Linear(CNN_FEATURES, config.features)
         fused = config.heads * config.features
         widths = [config.features, *[fused] * (config.layers - 1)]
-        self.layers = nn.ModuleList(
-            graph_layer(config.layer, width, config.features, config.heads, config.taps, config.normalise)
-            for width in widths
-        )
+        self.layers = nn.ModuleList(build_layer(config, width) for width in widths)
         self.hidden = nn.Linear(fused + (CNN_FEATURES if config.bottleneck else 0), config.hidden)
         self.action = nn.Linear(config.hidden, PRIMITIVES)
 

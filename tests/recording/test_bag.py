@@ -120,10 +120,10 @@ def test_every_topic_of_a_team_has_a_definition_from_which_its_messages_are_deco
 
 
 def test_a_bag_is_never_written_over(bag, tmp_path):
-    with pytest.raises(BagError, match=r"bag is there already: remove it"):
+    with pytest.raises(BagError, match=r"bag exists already: remove it"):
         BagWriter(bag)
     (tmp_path / "file").touch()
-    with pytest.raises(BagError, match="cannot be made"):
+    with pytest.raises(BagError, match="cannot be created"):
         BagWriter(tmp_path / "file" / "bag")
 
 
@@ -131,7 +131,7 @@ def test_a_bag_whose_writer_was_killed_says_so_and_is_finished(tmp_path):
     writer = write(tmp_path / "bag")
     lost = serialize_message(Feature(tick=100))
     writer.write("/feature", lost, SECOND + 500, SECOND)  # and never flushed
-    with pytest.raises(BagError, match=r"was not finished.*run `magat recover .*bag` first"):
+    with pytest.raises(BagError, match=r"was not closed.*run `magat recover .*bag` first"):
         list(read_bag(tmp_path / "bag"))
     assert recover(tmp_path / "bag", tmp_path / "saved") == (105, 0)
     assert ticks_of(tmp_path / "saved") == list(range(100))
@@ -146,7 +146,7 @@ def test_a_bag_whose_writer_was_killed_says_so_and_is_finished(tmp_path):
 def test_of_a_file_that_was_cut_all_up_to_there_is_saved(bag, tmp_path, share):
     whole = file_of(bag).read_bytes()
     file_of(bag).write_bytes(whole[: int(share * len(whole))])
-    with pytest.raises(BagError, match="was not finished"):
+    with pytest.raises(BagError, match="was not closed"):
         list(read_bag(bag))
     saved = recover(bag, tmp_path / "saved")
     ticks = ticks_of(tmp_path / "saved")
@@ -174,9 +174,9 @@ def test_damage_is_found_and_all_chunks_but_the_damaged_one_are_saved(bag, tmp_p
 @pytest.mark.parametrize(
     ("contents", "said"),
     [
-        (b"", "begins with other bytes"),
-        (b"no MCAP file at all", "begins with other bytes"),
-        (None, "no MCAP file in it"),
+        (b"", "is not an MCAP file"),
+        (b"no MCAP file at all", "is not an MCAP file"),
+        (None, "it has no MCAP file"),
     ],
     ids=["empty", "of another kind", "an empty folder"],
 )
@@ -207,5 +207,5 @@ def test_a_beginning_of_which_nothing_can_be_read_is_named(tmp_path):
     writer = BagWriter(tmp_path / "bag")
     writer.add_topic(described(TeamTopic("preference", Preference, qos.newest(4)), "/preference"))
     writer.flush()
-    with pytest.raises(BagError, match="before its first message"):
+    with pytest.raises(BagError, match="before the first one"):
         recover(tmp_path / "bag", tmp_path / "saved")

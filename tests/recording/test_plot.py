@@ -7,7 +7,7 @@ from PIL import Image
 from magat_cli.main import main
 from magat_pictures.animation import save_animation
 from magat_pictures.drawn_episode import DrawnEpisode
-from magat_recording.attention import links, links_of
+from magat_recording.attention import episode_links, links
 from magat_recording.tables import TeamRecording
 from magat_robot.policy.store import save
 
@@ -33,7 +33,7 @@ def test_attention_at_a_tick_is_that_of_all_ticks(bag, small_policy):
     recording = TeamRecording(bag)
     table = links(recording, small_policy())
     for tick in (0, 4):
-        alone = links_of(recording, recording.all_episodes[1], small_policy(), tick)
+        alone = episode_links(recording.all_episodes[1], small_policy(), tick)
         expected = table[(table.episode == 1) & (table.tick == tick)]
         assert len(expected) > 0
         assert alone.to_numpy().tolist() == expected.to_numpy().tolist()
@@ -104,7 +104,7 @@ def test_links_of_an_animation_are_as_wide_as_the_attention_at_each_instant(monk
         (["--tick", "99"], "has no tick 99: it has 0 to 12"),
         (["--episode", "2"], "has no episode 2: it has 0 to 1"),
         (["--robot", "zoe"], "has no robot 'zoe': it has alice, bob"),
-        (["--output", "plot.txt"], "end its name in .svg, .png, .pdf, .gif"),
+        (["--output", "plot.txt"], "has an unknown file type: end its name in .svg, .png, .pdf, .gif"),
     ],
 )
 def test_what_cannot_be_drawn_is_said_in_a_sentence(bag, tmp_path, monkeypatch, capfd, options, said):

@@ -9,11 +9,12 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
-from magat_recording.attention import links, listened_to, preference_for, received
+from magat_recording.attention import attention_received, effective_neighbours, links, relative_attention
 from magat_recording.bag import BagError
+from magat_recording.deadlocks import deadlocks
 from magat_recording.findings import analyze
-from magat_recording.report import report, save
-from magat_recording.tables import TeamRecording, deadlocks
+from magat_recording.report import make_report, save
+from magat_recording.tables import TeamRecording
 
 
 def test_the_measures_are_the_simulators(simulate, small_policy):
@@ -100,7 +101,7 @@ def test_senders_are_known_by_their_tags_only(simulate, small_policy):
 
 def test_an_episode_that_began_before_the_recording_is_left_out(simulate, small_policy):
     made = simulate(small_policy(), lose=lambda kind, tick, robot: kind == "World" and tick == 0)
-    with pytest.raises(BagError, match="no episode from its begin"):
+    with pytest.raises(BagError, match="no complete episode"):
         TeamRecording(made.bag)
 
 
@@ -112,7 +113,7 @@ def test_one_that_lacks_a_world_is_left_out_and_the_others_are_there(simulate, s
         return kind == "World" and tick == 2 and seen.count(("World", 2)) == 1
 
     recording = TeamRecording(simulate(small_policy(), lose=lose).bag)
-    assert recording.left_out == 1
+    assert recording.incomplete_episodes == 1
     assert recording.episodes.id.tolist() == [101]
 
 
@@ -217,17 +218,21 @@ def test_attention_is_put_in_groups():
         (0, 1, 0, 0, 0, 2, 2, 2.0, False, 0.5),
     ]
     table = pd.DataFrame(rows, columns=columns)
-    near = preference_for(table, "distance")
+    near = relative_attention(table, "distance")
     assert near.distance.tolist() == [1, 2, 3]
     assert near.relative.tolist() == [1.5, 0.75, 1.0]
     assert near.links.tolist() == [1, 2, 1]
-    assert preference_for(table, "conflict").relative.tolist() == [pytest.approx((0.5 + 1 + 1) / 3), 1.5]
-    density = listened_to(table)
+    assert relative_attention(table, "conflict").relative.tolist() == [pytest.approx((0.5 + 1 + 1) / 3), 1.5]
+    density = effective_neighbours(table)
     entropy = -(0.75 * np.log(0.75) + 0.25 * np.log(0.25))
     assert density.neighbours.tolist() == [1, 2]
     assert density.effective.tolist() == pytest.approx([1.0, (np.exp(entropy) + 2) / 2])
     assert density.robots.tolist() == [1, 2]
-    assert received(table).to_dict() == {0: 1.0, 1: pytest.approx((0.75 + 0.5) / 2), 2: pytest.approx((0.25 + 0.5) / 2)}
+    assert attention_received(table).to_dict() == {
+        0: 1.0,
+        1: pytest.approx((0.75 + 0.5) / 2),
+        2: pytest.approx((0.25 + 0.5) / 2),
+    }
 
 
 # --- Deadlocks ---
@@ -282,15 +287,18 @@ def test_an_analyst_needs_no_ros():
 def test_of_several_policies_that_were_carried_all_are_named(simulate, small_policy):
     made = simulate(small_policy(), digests=["d" * 64, "e" * 64, "d" * 64])
     findings = analyze(made.bag, None, Console(quiet=True))
-    assert "carried MAGAT-F-16 (dddddddddddd), MAGAT-F-16 (eeeeeeeeeeee): record each for itself" in findings.why
+    assert (
+        "carried several policies, MAGAT-F-16 (dddddddddddd), MAGAT-F-16 (eeeeeeeeeeee): record each of them separately"
+        in findings.no_attention
+    )
     assert findings.policy is None
 
 
 def test_the_report_is_plain_json_and_pictures_and_tables_are_written(simulate, small_policy, tmp_path):
     made = simulate(small_policy(), silent=(3, 2))
     findings = analyze(made.bag, None, Console(quiet=True))
-    assert "there is no policy MAGAT-F-16 (dddddddddddd)" in findings.why
-    said = json.loads(json.dumps(report(findings), allow_nan=False))
+    assert "there is no policy MAGAT-F-16 (dddddddddddd)" in findings.no_attention
+    said = json.loads(json.dumps(make_report(findings).to_json(), allow_nan=False))
     assert said["lost"] == {"observations": 0, "features": 0, "preferences": 0, "bundles": 0}
     assert said["attention"] == {}
     assert [robot["silent"] for robot in said["traffic"]] == [0, 0, 2, 0, 0, 0]

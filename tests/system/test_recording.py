@@ -170,7 +170,7 @@ def test_of_a_recorder_that_is_killed_all_but_the_last_second_is_there(start_tea
     when, tick = killed[0]
     assert second.result.ticks > tick + 20, "the team does not notice"
     assert len(list(read_bag(tmp_path / "bag_2"))) > 0
-    with pytest.raises(BagError, match="was not finished"):
+    with pytest.raises(BagError, match="was not closed"):
         list(read_bag(bag))
     saved = recover(bag, tmp_path / "saved")
     assert saved.damaged == 0
@@ -187,14 +187,14 @@ def test_of_a_recorder_that_is_killed_all_but_the_last_second_is_there(start_tea
 @pytest.mark.faults
 def test_the_recorder_writes_over_nothing_and_says_nothing_to_the_team(start_team, tmp_path):
     (tmp_path / "bag").mkdir()
-    with pytest.raises(TeamError, match="is there already: remove it"), start_team(2, record=tmp_path / "bag") as team:
+    with pytest.raises(TeamError, match="exists already: remove it"), start_team(2, record=tmp_path / "bag") as team:
         team.client.wait_for_recorder()
     with start_team(2, record=tmp_path / "other") as team:
         team.client.wait_for_recorder()
         node = team.client.node
         spoken = {
             topic
-            for name in ("recorder", "recorder_ears")
+            for name in ("recorder", "recorder_listener")
             for topic, _ in node.get_publisher_names_and_types_by_node(name, "/")
         }
         assert spoken <= {"/recorder/ready", "/rosout", "/parameter_events"}

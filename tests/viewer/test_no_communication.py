@@ -11,7 +11,7 @@ from rich.console import Console
 from magat_recording.attention import links
 from magat_recording.findings import analyze
 from magat_recording.plot import plot
-from magat_recording.report import report, save, show
+from magat_recording.report import make_report, save, show
 from magat_recording.tables import TeamRecording
 from magat_robot.policy.policy import Policy
 from magat_robot.policy.store import save as save_policy
@@ -40,7 +40,7 @@ def test_a_page_shows_decisions_without_attention(simulate, policy, encoding):
         assert recorded["probabilities"] == pytest.approx(np.exp(preference.log_probabilities), abs=1e-4)
         in_range += len(recorded["neighbours"])
         # A live page has the world only, and computes the rest.
-        world, after = episode.recording, episode.recording.worlds[tick + 1]
+        world, after = episode.log, episode.log.worlds[tick + 1]
         moment = TeamSnapshot(tick, world.positions[tick], world.goals, world.obstacles)
         fate = TickOutcome(after.silent[robot], after.missing[robot], after.action[robot], observation.stream)
         said = replace(heard_in(episode, tick, robot), payloads=None, preference=None, fate=fate)
@@ -58,8 +58,8 @@ def test_links_have_no_attention(simulate, policy):
 def test_analyze_says_why_there_is_no_attention(simulate, random_network, policy, tmp_path, capsys):
     save_policy(random_network(taps=1), tmp_path / "policy", "")
     findings = analyze(simulate(policy).bag, str(tmp_path / "policy"), Console(quiet=True))
-    assert findings.why == WHY
-    values = json.loads(json.dumps(report(findings), allow_nan=False))
+    assert findings.no_attention == WHY
+    values = json.loads(json.dumps(make_report(findings).to_json(), allow_nan=False))
     assert values["attention"] == {}
     assert set(values["lost"].values()) == {0}
     show(findings, Console(width=200))

@@ -93,7 +93,7 @@ def test_the_page_shows_the_episode_and_robots_move(show, recorded):
 
 def test_the_scrubber_scrubs_to_what_was_at_that_tick(show, recorded):
     page = show(recorded)
-    worlds = recorded._recording.all_episodes[0].recording.worlds
+    worlds = recorded._recording.all_episodes[0].log.worlds
     for tick in (5, 0, 11):
         page.locator("#scrubber").fill(str(tick))
         until(page, f"magat.player.frame.tick === {tick} && !magat.player.playing")

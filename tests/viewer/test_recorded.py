@@ -14,7 +14,7 @@ from magat_viewer.recorded import RecordedTeam, heard_in
 
 
 def looked_at(episode: RecordedEpisode, tick: int, robot: int) -> tuple[TeamSnapshot, RobotTick, TickOutcome]:
-    recording, after = episode.recording, episode.recording.worlds[tick + 1]
+    recording, after = episode.log, episode.log.worlds[tick + 1]
     moment = TeamSnapshot(tick, recording.positions[tick], recording.goals, recording.obstacles)
     stream = episode.ticks[tick].observations[robot].message.stream
     fate = TickOutcome(after.silent[robot], after.missing[robot], after.action[robot], stream)
@@ -27,7 +27,7 @@ def test_all_frames_of_an_episode_are_there_once(simulate, small_policy):
     team = RecordedTeam(recording, "", "a bag")
     assert (team.live, team.newest) == (False, 1)
     for episode in recording.all_episodes:
-        worlds = episode.recording.worlds
+        worlds = episode.log.worlds
         last, frames = team.frames(episode.number, -1)
         assert last == len(worlds) - 1
         assert team.frames(episode.number, last) == (last, b"")
@@ -72,7 +72,7 @@ def test_the_inside_of_a_robot_is_what_it_saw_and_decided(simulate, small_policy
         assert sum(found["probabilities"]) == pytest.approx(1.0, abs=1e-3)
         assert found["primitive"] == wish.primitive
         assert found["heard"] == found["audible"] == len(found["neighbours"])
-    assert team.detail(0, recording.all_episodes[0].recording.measures.ticks, 0) is None, "after the last tick"
+    assert team.detail(0, recording.all_episodes[0].log.measures.ticks, 0) is None, "after the last tick"
     assert team.detail(0, 0, 6) is None, "there are six robots"
 
 

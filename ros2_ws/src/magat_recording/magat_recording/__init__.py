@@ -1,1 +1,1 @@
-"""Records a team to a rosbag2 bag, and analyses and draws what was recorded."""
+"""Records teams to rosbag2 bags, and analyses and draws recordings."""

@@ -1,6 +1,6 @@
-"""Recordings as rosbag2 keeps them: a folder with one MCAP file and metadata.yaml. Written undecoded, read decoded.
+"""Reading, writing and recovering rosbag2 bags: folders with an MCAP file and metadata.yaml.
 
-Free of ROS: what the messages look like stands in the file itself.
+Messages are written serialised and read decoded. Free of ROS, because the file itself has the message definitions.
 """
 
 import os
@@ -25,26 +25,26 @@ from magat_node.errors import MagatError
 
 METADATA = "metadata.yaml"
 SERIALIZATION, DEFINITIONS = "cdr", "ros2msg"
-#: Metadata of a channel, as rosbag2 names them.
+#: Keys of a channel's metadata in rosbag2.
 OFFERED_QOS, TYPE_HASH = "offered_qos_profiles", "topic_type_hash"
 
-#: What a file that is cut off or damaged raises in the library that reads it.
+#: Errors of the MCAP library for files that are cut off or damaged.
 _DAMAGE = (McapError, CRCValidationError, ZstdError, struct.error, ValueError, KeyError, EOFError, MemoryError)
 
 
 class BagError(MagatError, ValueError):
-    """A bag that cannot be written or read; the message says which, why, and what to do."""
+    """A bag that cannot be written or read."""
 
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic of a bag, in ROS's terms."""
+    """A topic of a bag."""
 
     #: Full name.
     name: str
     #: Such as magat_interfaces/msg/World.
     type: str
-    #: The message definition, with those that it is made of.
+    #: The message definition, followed by those of the messages in it.
     definition: str
     #: Hash of the definition (REP-2011).
     type_hash: str = ""
@@ -58,18 +58,18 @@ class BagMessage(NamedTuple):
     topic: str
     #: Such as magat_interfaces/msg/World.
     type: str
-    #: When it was received and when it was sent, nanoseconds since 1970.
+    #: Times at which it was received and sent, nanoseconds since 1970.
     received: int
     sent: int
     #: Serialised (CDR).
     data: bytes
-    #: Decoded: an object that has the message's fields.
+    #: Decoded: an object with the message's fields.
     message: Any
 
 
 @dataclass
 class BagWriter:
-    """Writes a bag, in a ``with`` statement. What was flushed is there even if the process is killed."""
+    """Writes a bag, in a ``with`` statement. Flushed messages survive if the process is killed."""
 
     folder: Path
     _counts: Counter[str] = field(default_factory=Counter)
@@ -80,25 +80,25 @@ class BagWriter:
     _last: int = 0
 
     def __post_init__(self) -> None:
-        """Make the folder.
+        """Create the folder.
 
         Raises:
-            BagError: it is there already, or cannot be made.
+            BagError: it exists already, or cannot be created.
         """
         try:
             self.folder.mkdir(parents=True)
         except FileExistsError as error:
-            raise BagError(f"{self.folder} is there already: remove it, or record to another folder") from error
+            raise BagError(f"{self.folder} exists already: remove it, or record to another folder") from error
         except OSError as error:
-            raise BagError(f"{self.folder} cannot be made: {error.strerror}") from error
+            raise BagError(f"{self.folder} cannot be created: {error.strerror}") from error
         self._file = (self.folder / f"{self.folder.resolve().name}_0.mcap").open("wb")
         self._writer = Writer(self._file)
         self._writer.start(profile="ros2")
-        self._writer.flush()  # from now on it can be told from what is no bag
+        self._writer.flush()  # so that even an empty bag is a valid MCAP file
 
     @property
     def messages(self) -> int:
-        """How many have been written."""
+        """Number of messages written."""
         return self._counts.total()
 
     @property
@@ -107,7 +107,7 @@ class BagWriter:
         return os.fstat(self._file.fileno()).st_size
 
     def add_topic(self, topic: Topic) -> None:
-        """Make a topic known, before its first message."""
+        """Add a topic; needed before its first message."""
         if topic.type not in self._schemas:
             definition = topic.definition.encode()
             self._schemas[topic.type] = self._writer.register_schema(topic.type, DEFINITIONS, definition)
@@ -124,7 +124,7 @@ class BagWriter:
         self._writer.add_message(self._channels[topic], received, data, sent, self._counts[topic])
 
     def flush(self) -> None:
-        """Hand all that was written to the operating system."""
+        """Pass all messages written so far to the operating system."""
         self._writer.flush()
 
     def close(self) -> None:
@@ -138,7 +138,7 @@ class BagWriter:
         """The contents of metadata.yaml, in rosbag2's version of ROS 2 Jazzy."""
         name = Path(self._file.name).name
 
-        def span() -> dict[str, Any]:  # anew each time: of one object YAML would write the second as a reference
+        def span() -> dict[str, Any]:  # a new object each time, or YAML would write a reference
             return {
                 "duration": {"nanoseconds": self._last - self._first},
                 "starting_time": {"nanoseconds_since_epoch": self._first},
@@ -181,41 +181,41 @@ class BagWriter:
 
 
 def bag_files(bag: Path) -> list[Path]:
-    """The MCAP files of a bag: of a folder, in their order, or the file that is given.
+    """The MCAP files of a bag: those of a folder, in their order, or ``bag`` itself if it is a file.
 
     Raises:
         BagError: there are none.
     """
     files = [bag] if bag.is_file() else sorted(bag.glob("*.mcap"))
     if not files:
-        raise BagError(f"{bag} is no bag: there is no MCAP file in it" if bag.is_dir() else f"there is no bag {bag}")
+        raise BagError(f"{bag} is not a bag: it has no MCAP file" if bag.is_dir() else f"there is no bag {bag}")
     return files
 
 
 def read_bag(bag: Path) -> Iterator[BagMessage]:
-    """The messages of a bag, in the order in which they were received.
+    """The messages of a bag, in the order of their arrival.
 
     Raises:
-        BagError: there is no such bag, it was not finished, or it is damaged.
+        BagError: the bag does not exist, was not closed, or is damaged.
     """
     for path in bag_files(bag):
-        with path.open("rb") as file, _complaints(path, bag):
+        with path.open("rb") as file, _as_bag_error(path, bag):
             reader = SeekingReader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
             for schema, channel, message, decoded in reader.iter_decoded_messages():
-                assert schema is not None  # without one it could not have been decoded
+                assert schema is not None  # a message without a schema cannot be decoded
                 times = message.log_time, message.publish_time
                 yield BagMessage(channel.topic, schema.name, *times, message.data, decoded)
 
 
 def bag_topics(bag: Path) -> dict[str, str]:
-    """The topics of a bag, and their types, such as magat_interfaces/msg/World.
+    """The topics of a bag with their types, such as magat_interfaces/msg/World.
 
     Raises:
         BagError: as `read_bag`.
     """
     found: dict[str, str] = {}
     for path in bag_files(bag):
-        with path.open("rb") as file, _complaints(path, bag):
+        with path.open("rb") as file, _as_bag_error(path, bag):
             summary = SeekingReader(file).get_summary()
             assert summary is not None
             found |= {channel.topic: summary.schemas[channel.schema_id].name for channel in summary.channels.values()}
@@ -223,14 +223,14 @@ def bag_topics(bag: Path) -> dict[str, str]:
 
 
 def bag_span(bag: Path) -> tuple[int, int, int]:
-    """Messages of a bag, and when the first and the last of them came (nanoseconds since 1970).
+    """The number of messages, and the arrival times of the first and the last one (nanoseconds since 1970).
 
     Raises:
         BagError: as `read_bag`.
     """
     spans = []
     for path in bag_files(bag):
-        with path.open("rb") as file, _complaints(path, bag):
+        with path.open("rb") as file, _as_bag_error(path, bag):
             summary = SeekingReader(file).get_summary()
             assert summary is not None and summary.statistics is not None
             found = summary.statistics
@@ -240,11 +240,11 @@ def bag_span(bag: Path) -> tuple[int, int, int]:
 
 
 @contextmanager
-def _complaints(path: Path, bag: Path) -> Iterator[None]:
-    """What the library finds wrong with a file, in other words."""
+def _as_bag_error(path: Path, bag: Path) -> Iterator[None]:
+    """Turns errors of the MCAP library into a `BagError`."""
     try:
         if not _finished(path):
-            raise BagError(f"{path} was not finished, its recorder was killed: run `magat recover {bag}` first")
+            raise BagError(f"{path} was not closed because its recorder was killed: run `magat recover {bag}` first")
         yield
     except BagError:
         raise
@@ -253,11 +253,15 @@ def _complaints(path: Path, bag: Path) -> Iterator[None]:
 
 
 def _finished(path: Path) -> bool:
-    """Whether the file ends as one that was closed."""
+    """Whether the file was closed.
+
+    Raises:
+        BagError: it is not an MCAP file.
+    """
     magic = b"\x89MCAP0\r\n"
     with path.open("rb") as file:
         if file.read(len(magic)) != magic:
-            raise BagError(f"{path} is no MCAP file: it begins with other bytes")
+            raise BagError(f"{path} is not an MCAP file")
         file.seek(-len(magic), os.SEEK_END)
         return file.tell() > 0 and file.read() == magic
 
@@ -266,7 +270,7 @@ def _finished(path: Path) -> bool:
 
 
 def continuation(folder: Path) -> Path:
-    """Where a recorder writes that is told ``folder``: there or, where one was killed, to FOLDER_2 and so on."""
+    """The folder for a recorder that is given ``folder``: FOLDER_2 and so on if a recorder was killed before."""
     chosen, number = folder, 1
     while chosen.is_dir() and any(not _finished(path) for path in chosen.glob("*.mcap")):
         number += 1
@@ -275,22 +279,22 @@ def continuation(folder: Path) -> Path:
 
 
 class Recovered(NamedTuple):
-    """What came of a bag that was cut off or damaged."""
+    """The result of `recover`."""
 
     messages: int
-    #: Chunks (of at most a quarter of a second, see `magat_recording.recorder`) that could not be read.
+    #: Chunks that could not be read, each of at most a quarter of a second (see `magat_recording.recorder`).
     damaged: int
 
 
 def recover(bag: Path, into: Path) -> Recovered:
-    """Write all that can be read of a bag to a new one, with index and metadata.yaml.
+    """Copy all readable messages of a bag to a new one, with index and metadata.yaml.
 
     Raises:
-        BagError: nothing can be read of it, or ``into`` is there already.
+        BagError: nothing is readable, or ``into`` exists already.
     """
     topics = {path: _topics_of(path) for path in bag_files(bag)}
     if not any(topics.values()):
-        raise BagError(f"nothing can be read of {bag}: it ends, or is damaged, before its first message")
+        raise BagError(f"{bag} has no readable message: it is cut off or damaged before the first one")
     damaged: list[int] = []
     with BagWriter(into) as writer:
         for topic in {topic.name: topic for known in topics.values() for topic in known.values()}.values():
@@ -303,10 +307,10 @@ def recover(bag: Path, into: Path) -> Recovered:
 
 
 def _topics_of(path: Path) -> dict[int, Topic]:
-    """By channel: what the file says of its topics, at its end, too, where a finished one says it again.
+    """The topics of a file by channel. A file that was closed repeats them at its end.
 
     Raises:
-        BagError: it is no MCAP file.
+        BagError: it is not an MCAP file.
     """
     _finished(path)
     records = [record for record in _readable(path, []) if isinstance(record, Schema | Channel)]
@@ -315,13 +319,13 @@ def _topics_of(path: Path) -> dict[int, Topic]:
     for record in records:
         if isinstance(record, Channel) and record.schema_id in schemas:
             schema = schemas[record.schema_id]
-            told = (record.metadata.get(key, "") for key in (TYPE_HASH, OFFERED_QOS))
-            topics[record.id] = Topic(record.topic, schema.name, schema.data.decode(), *told)
+            metadata = (record.metadata.get(key, "") for key in (TYPE_HASH, OFFERED_QOS))
+            topics[record.id] = Topic(record.topic, schema.name, schema.data.decode(), *metadata)
     return topics
 
 
 def _readable(path: Path, damaged: list[int]) -> Iterator[McapRecord]:
-    """The records of a file up to where it is cut off; notes the times of chunks that cannot be read."""
+    """The records of a file, as far as it is readable; appends the times of damaged chunks to ``damaged``."""
     with path.open("rb") as file:
         records = StreamReader(file, emit_chunks=True, record_size_limit=path.stat().st_size).records
         try:

@@ -1,4 +1,4 @@
-"""The pictures of a recording: attention, timing, and how sure the robots were. Inches on the sheet."""
+"""The pictures of ``magat analyze``: attention, timing and entropy of decisions. Sizes are in inches."""
 
 from pathlib import Path
 
@@ -11,12 +11,13 @@ from matplotlib.ticker import MaxNLocator
 
 from magat_pictures.colours import ALARM, INK, ROBOT_INKS, tint
 from magat_recording.findings import CONFLICT_DISTANCE, PERCENTILES, Findings
+from magat_sim.measures import Z_95
 
 _LINE = ROBOT_INKS[0]
 
 
 def save_charts(findings: Findings, folder: Path) -> None:
-    """Write timing.png, decisions.png and, if attention is known, attention.png."""
+    """Write timing.png, decisions.png and, if there is attention, attention.png."""
     charts = {"timing": timing_chart(findings), "decisions": decisions_chart(findings)}
     if findings.attention:
         charts["attention"] = attention_chart(findings)
@@ -25,30 +26,30 @@ def save_charts(findings: Findings, folder: Path) -> None:
 
 
 def attention_chart(findings: Findings) -> Figure:
-    """Whom robots listen to: by distance, by how many they hear, and where two want the same cell."""
+    """Attention by distance, by number of neighbours, and between robots in conflict."""
     tables = findings.attention
     figure, (distance, density, conflict) = _sheet(3)
     _points(distance, tables["distance"], "distance", "relative")
     distance.axhline(1.0, color=tint(INK, 0.4), linewidth=0.8, linestyle="--")
-    distance.set(xlabel="distance, up to (cells)", ylabel="attention, all alike = 1", title="near and far")
+    distance.set(xlabel="distance, up to (cells)", ylabel="attention, equal share = 1", title="by distance")
     table = tables["neighbours"]
     _points(density, table, "neighbours", "effective")
     density.plot(table.neighbours, table.neighbours, color=tint(INK, 0.4), linewidth=0.8, linestyle="--")
-    density.set(xlabel="neighbours heard", ylabel="neighbours listened to", title="the more there are")
+    density.set(xlabel="neighbours heard", ylabel="effective neighbours", title="by density")
     table = tables["conflict"].set_index("conflict").reindex([False, True])
     conflict.bar(
         [0, 1], table.relative, yerr=table.half_width, color=[tint(INK, 0.35), ALARM], width=0.6, ecolor=INK, capsize=3
     )
     conflict.axhline(1.0, color=tint(INK, 0.4), linewidth=0.8, linestyle="--")
     conflict.set(
-        xticks=[0, 1], xticklabels=["others", "in conflict"], ylabel="attention, all alike = 1",
+        xticks=[0, 1], xticklabels=["others", "in conflict"], ylabel="attention, equal share = 1",
         title=f"within {CONFLICT_DISTANCE} cells",
     )  # fmt: skip
     return figure
 
 
 def timing_chart(findings: Findings) -> Figure:
-    """How long ticks took, and how long each robot to answer."""
+    """The wall time of ticks, and the time that each robot took to answer."""
     recording = findings.recording
     figure, (ticks, robots) = _sheet(2)
     milliseconds = 1e3 * recording.ticks.seconds
@@ -59,7 +60,7 @@ def timing_chart(findings: Findings) -> Figure:
             ticks.annotate(name, (len(milliseconds), milliseconds.quantile(quantile)), fontsize=7, color=INK)
     for begin in np.flatnonzero(recording.ticks.episode.diff().fillna(0))[:200]:
         ticks.axvline(begin, color=tint(INK, 0.15), linewidth=0.6)
-    ticks.set(xlabel="ticks, all episodes", ylabel="milliseconds a tick", ylim=(0, None), title="ticks")
+    ticks.set(xlabel="ticks, all episodes", ylabel="milliseconds per tick", ylim=(0, None), title="ticks")
     latency = 1e3 * recording.robots.set_index("robot").latency.dropna()
     each = [latency.loc[[robot]] if robot in latency.index else [] for robot in range(len(recording.names))]
     robots.boxplot(each, showfliers=False, medianprops={"color": ALARM}, boxprops={"color": INK}, widths=0.6)
@@ -69,13 +70,13 @@ def timing_chart(findings: Findings) -> Figure:
 
 
 def decisions_chart(findings: Findings) -> Figure:
-    """How sure robots were of what to do: by how many they heard, and tick by tick in the episode that took longest."""
+    """The entropy of decisions: by number of neighbours, and in each tick of the longest episode."""
     robots = findings.recording.robots
     figure, (density, episode) = _sheet(2)
     groups = robots[robots.entropy.notna()].groupby("neighbours").entropy
-    table = pd.DataFrame({"entropy": groups.mean(), "half_width": 1.959964 * groups.sem()}).reset_index()
+    table = pd.DataFrame({"entropy": groups.mean(), "half_width": Z_95 * groups.sem()}).reset_index()
     _points(density, table, "neighbours", "entropy")
-    density.set(xlabel="neighbours heard", ylabel="entropy of the decision (bits)", title="in company")
+    density.set(xlabel="neighbours heard", ylabel="entropy of the decision (bits)", title="by density")
     if len(robots):
         number = int(robots.groupby("episode").tick.max().idxmax())
         grid = robots[robots.episode == number].pivot(index="robot", columns="tick", values="entropy")

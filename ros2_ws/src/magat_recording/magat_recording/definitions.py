@@ -1,4 +1,4 @@
-"""A team's topics as a bag describes them: the definitions of their messages, and their quality of service."""
+"""Topics with their message definitions and quality of service, as a bag stores them."""
 
 import json
 import re
@@ -13,7 +13,7 @@ from magat_recording.bag import Topic
 
 
 def described(topic: TeamTopic, name: str) -> Topic:
-    """``topic``, whose full name is ``name``, as a bag describes it."""
+    """``topic``, with the full name ``name``, as a bag stores it."""
     package, short = _package(topic.kind), topic.kind.__name__
     definition = "\n".join(_definitions(topic.kind))
     hashes = json.loads((_folder(package) / f"{short}.json").read_text())["type_hashes"]
@@ -23,7 +23,7 @@ def described(topic: TeamTopic, name: str) -> Topic:
 
 
 def _definitions(kind: type) -> list[str]:
-    """The message's own definition, then those of all that it holds, each under a line that names it."""
+    """The definition of a message, then those of the messages in it, each under a line with its name."""
     found: dict[str, type] = {}
     waiting = [kind]
     while waiting:
@@ -52,10 +52,10 @@ def _folder(package: str) -> Path:
 
 
 def _offered(profile: QoSProfile) -> str:
-    """The profile as rosbag2 writes it; times are without end."""
-    endless = "{sec: 9223372036, nsec: 854775807}"
+    """The profile as rosbag2 writes it, with infinite durations."""
+    infinite = "{sec: 9223372036, nsec: 854775807}"
     return (
         f"- history: keep_last\n  depth: {profile.depth}\n  reliability: {profile.reliability.name.lower()}\n"
-        f"  durability: {profile.durability.name.lower()}\n  deadline: {endless}\n  lifespan: {endless}\n"
-        f"  liveliness: automatic\n  liveliness_lease_duration: {endless}\n  avoid_ros_namespace_conventions: false\n"
+        f"  durability: {profile.durability.name.lower()}\n  deadline: {infinite}\n  lifespan: {infinite}\n"
+        f"  liveliness: automatic\n  liveliness_lease_duration: {infinite}\n  avoid_ros_namespace_conventions: false\n"
     )

@@ -1,4 +1,4 @@
-"""``magat record``: records a team that runs until it is told to end."""
+"""``magat record``: records a running team until it is interrupted."""
 
 from pathlib import Path
 
@@ -15,12 +15,12 @@ def record(folder: Path, namespace: str | None, console: Console) -> int:
     """Record the team of this environment's ROS domain to ``folder`` until Ctrl-C; returns the exit status.
 
     Args:
-        folder: for the bag; it must not be there.
-        namespace: of the team; None if there is only one.
-        console: shows what goes on.
+        folder: of the bag; it must not exist yet.
+        namespace: of the team; None if there is only one team.
+        console: shows the progress.
 
     Raises:
-        TeamError: there is no team, or more than one and no ``namespace``.
+        TeamError: there is no team, or there are several and ``namespace`` is None.
     """
     give_way()
     with console.status("looking for a team"):
@@ -28,8 +28,8 @@ def record(folder: Path, namespace: str | None, console: Console) -> int:
     with console.status("") as status:
 
         def create() -> Node:
-            given = {"bag": str(folder), "robots": team.robots, "radio": team.radio}
-            overrides = [Parameter(name, value=value) for name, value in given.items()]
+            parameters = {"bag": str(folder), "robots": team.robots, "radio": team.radio}
+            overrides = [Parameter(name, value=value) for name, value in parameters.items()]
             node = RecorderNode(namespace=team.namespace, parameter_overrides=overrides)
 
             def show() -> None:

@@ -1,6 +1,6 @@
-"""The recorder node: writes all that a team says to a bag, undecoded.
+"""The recorder node: writes all messages of a team to a bag, undecoded.
 
-It is a tool: nobody waits for its answer, and no robot reads what it writes.
+It is a tool: the team does not depend on it, and robots do not read its output.
 """
 
 import sys
@@ -20,37 +20,40 @@ from magat_node.topics import READY, team_topics
 from magat_recording.bag import BagWriter, continuation
 from magat_recording.definitions import described
 
-#: Seconds between two looks at what has come, and between two times that it is handed to the operating system.
+#: Seconds between two reads of the subscriptions, and between two flushes of the file.
 PERIOD, FLUSH = 0.02, 0.25
-#: How long messages that are still coming are waited for at the end, seconds.
+#: How long the recorder waits for late messages at the end, seconds.
 TRAILING = 1.0
 
 
 class RecorderNode(Node):
-    """Listens to a team from before its first episode, or from any moment, to the end."""
+    """Records a team from its start, or from any later moment, until the node is destroyed."""
 
     def __init__(self, **options: object) -> None:
-        """Begin to record.
+        """Start to record.
 
         Raises:
-            ValueError: no bag or no robots are named.
-            BagError: the bag is there already, or cannot be made.
+            ValueError: the parameters ``bag`` or ``robots`` are missing.
+            BagError: the bag exists already, or cannot be created.
         """
         super().__init__("recorder", **options)
         folder = declare_value(
-            self, "bag", "", "folder to record to; it must not be there yet, unless its recorder was killed"
+            self, "bag", "", "folder to record to; it must not exist yet, unless its recorder was killed"
         )
         robots = declare_value(self, "robots", [""], "names of the robots, which are their namespaces")
-        radio = declare_choice(self, "radio", "direct", ["direct", "relayed"], "as the simulator's")
+        radio = declare_choice(
+            self, "radio", "direct", ["direct", "relayed"], "radio of the team, as the simulator's parameter"
+        )
         if not folder or list(robots) == [""]:
-            raise ValueError("name a folder and the robots: -p bag:=FOLDER -p robots:=[alice, bob]")
+            raise ValueError("the parameters bag and robots are needed: -p bag:=FOLDER -p robots:=[alice, bob]")
         self.bag = BagWriter(continuation(Path(folder)))
         self.ready = False
-        self._unheard = set(robots)
-        # The messages are taken in batches: that needs half the CPU time of a callback a message, and the middleware
-        # tells when each was received. An executor would call back, so none gets to know the node that listens.
-        self._ears = rclpy.create_node(
-            "recorder_ears",
+        self._silent_robots = set(robots)
+        # Messages are taken in batches, which needs half the CPU time of one callback for each message, and the
+        # middleware gives the time at which it received each. No executor may spin this second node, because it would
+        # call back.
+        self._listener = rclpy.create_node(
+            "recorder_listener",
             context=self.context,
             namespace=self.get_namespace(),
             use_global_arguments=False,
@@ -59,52 +62,52 @@ class RecorderNode(Node):
         )
         self._subscriptions_of = {}
         for topic in team_topics(list(robots), radio == "relayed"):
-            subscription = self._ears.create_subscription(
+            subscription = self._listener.create_subscription(
                 topic.kind, topic.name, lambda _: None, topic.profile, raw=True
             )
             self.bag.add_topic(described(topic, subscription.topic_name))
             self._subscriptions_of[subscription.topic_name] = (topic.kind, subscription.handle)
-        self._quiet = {name for name, (kind, _) in self._subscriptions_of.items() if kind is Observation}
-        self._status = self._ears.resolve_topic_name("robot_status")
+        self._silent_observations = {name for name, (kind, _) in self._subscriptions_of.items() if kind is Observation}
+        self._status_topic = self._listener.resolve_topic_name("robot_status")
         self._send_ready = self.create_publisher(Empty, READY, qos.latched(1))
         self.create_timer(PERIOD, self.take)
         self.create_timer(FLUSH, self.bag.flush)
 
     def take(self) -> int:
-        """Write what has come; returns how many messages that were."""
+        """Write the messages that have arrived; returns their number."""
         before = self.bag.messages
         for name, (kind, handle) in self._subscriptions_of.items():
             with handle:
                 while (taken := handle.take_message(kind, True)) is not None:
-                    data, told = taken
-                    self.bag.write(name, data, told["received_timestamp"], told["source_timestamp"])
+                    data, info = taken
+                    self.bag.write(name, data, info["received_timestamp"], info["source_timestamp"])
                     if not self.ready:
-                        self._notice(name, data)
+                        self._check_ready(name, data)
         return self.bag.messages - before
 
-    def _notice(self, name: str, data: bytes) -> None:
-        """Ready is the recorder when it has heard the simulator speak to each robot, and each robot of itself."""
-        self._quiet.discard(name)
-        if name == self._status:
-            self._unheard -= set(deserialize_message(data, RobotStatus).robots)
-        if not self._quiet and not self._unheard:
+    def _check_ready(self, name: str, data: bytes) -> None:
+        """Report ready once there was an observation for each robot and a status of each robot."""
+        self._silent_observations.discard(name)
+        if name == self._status_topic:
+            self._silent_robots -= set(deserialize_message(data, RobotStatus).robots)
+        if not self._silent_observations and not self._silent_robots:
             self.ready = True
             self._send_ready.publish(Empty())
-            self.get_logger().info("hears all robots and the simulator, and misses nothing from now on")
+            self.get_logger().info("ready: every robot and the simulator are recorded")
 
     def destroy_node(self) -> None:
-        """Write what is still coming, and close the bag."""
+        """Write the last messages, and close the bag."""
         deadline = time.monotonic() + TRAILING
         while self.take() and time.monotonic() < deadline:
             time.sleep(PERIOD)
         self.bag.close()
         self.get_logger().info(f"{self.bag.messages} messages are in {self.bag.folder}")
-        self._ears.destroy_node()
+        self._listener.destroy_node()
         super().destroy_node()
 
 
 def main(args: list[str] | None = None) -> int:
-    """Record until told to end. Returns the exit status."""
+    """Record until interrupted. Returns the exit status."""
     give_way()
     return run_node("recorder", RecorderNode, args)
 

@@ -1,8 +1,7 @@
-"""Findings for people and for programs: tables, JSON and files."""
+"""The report of ``magat analyze``: printed tables, JSON, CSV files and pictures."""
 
-import dataclasses
-import math
 from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,104 +11,148 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from magat_node.plain import plain
 from magat_recording.findings import PERCENTILES, Findings
-from magat_sim.measures import summarise
+from magat_sim.measures import SetMeasures, summarise
 
-#: Columns that are shown, and their headings.
+#: Columns that are printed, and their headings.
 EPISODE_COLUMNS = {
-    "episode": "no", "success": "alpha", "success_strict": "strict", "delta_ft": "delta_FT", "p_rg": "p_rg",
+    "episode": "episode", "success": "success", "success_strict": "strict", "delta_ft": "delta_FT", "p_rg": "p_rg",
     "makespan": "makespan", "t_max": "T_max", "ticks": "ticks", "moves_blocked": "blocked", "silent": "silent",
-    "features_missing": "missing", "bytes_per_tick": "B/tick",
+    "features_missing": "missing", "bytes_per_tick": "bytes",
 }  # fmt: skip
 ROBOT_COLUMNS = {
-    "name": "robot", "messages": "messages", "bytes": "bytes", "silent": "silent", "slowest": "last",
-    "latency_p50": "p50", "latency_p99": "p99", "entropy": "entropy", "attention_received": "heeded",
+    "name": "robot", "messages": "messages", "bytes": "bytes", "silent": "silent", "slowest": "slowest",
+    "latency_p50": "p50", "latency_p99": "p99", "entropy": "entropy", "attention_received": "attention received",
 }  # fmt: skip
-
-
-def report(findings: Findings) -> dict[str, Any]:
-    """The findings as plain JSON values; what is not known is None."""
-    recording = findings.recording
-    ended = recording.episodes.ended.tolist()
-    measures = [
-        episode.recording.measures for episode, whole in zip(recording.all_episodes, ended, strict=True) if whole
-    ]
-    equipment = recording.equipment
-    values = {
-        "robots": recording.names,
-        "policy": equipment and equipment.policy,
-        "digest": equipment and equipment.digest,
-        "messages": len(recording.messages),
-        "bytes": int(recording.messages.bytes.sum()),
-        "left_out": recording.left_out,
-        "lost": {name: int(recording.lost[name].sum()) for name in _LOST},
-        "episodes": recording.episodes.to_dict("records"),
-        "measures": dataclasses.asdict(summarise(measures)) if measures else None,
-        "tick_seconds": {name: float(recording.ticks.seconds.quantile(q)) for name, q in PERCENTILES.items()},
-        "traffic": findings.traffic.to_dict("records"),
-        "attention": {name: table.to_dict("records") for name, table in findings.attention.items()},
-        "deadlocks": findings.deadlocks.to_dict("records"),
-    }
-    return _plain(values)
-
-
+ATTENTION_COLUMNS = {
+    "distance": "distance", "neighbours": "neighbours", "conflict": "conflict", "relative": "relative attention",
+    "effective": "effective neighbours", "half_width": "± (95 %)", "links": "links", "robots": "sample",
+}  # fmt: skip
+DEADLOCK_COLUMNS = {
+    "episode": "episode", "begin": "first tick", "ticks": "ticks", "robots": "robots", "silent": "silent",
+}  # fmt: skip
+_LEGEND = (
+    "silent: ticks in which the robot did not answer in time; slowest: share of the ticks in which it answered last; "
+    "p50, p99: milliseconds to answer; entropy: of its decisions, bits; attention received: sum over all robots that "
+    "hear it, mean over ticks"
+)
 _LOST = ("observations", "features", "preferences", "bundles")
 
 
-def _plain(value: Any) -> Any:
-    """JSON has no NaN."""
-    if isinstance(value, dict):
-        return {key: _plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    return None if isinstance(value, float) and math.isnan(value) else value
+@dataclass(frozen=True)
+class RecordingReport:
+    """What ``magat analyze --json`` prints. Rows of tables are as documented where the tables are made."""
+
+    #: Names, in the simulator's order.
+    robots: list[str]
+    #: Name of the policy and SHA-256 of its weights; None if no robot reported them.
+    policy: str | None
+    digest: str | None
+    #: Messages in the recording, and their size.
+    messages: int
+    bytes: int
+    #: Episodes that are ignored because a World message is missing.
+    incomplete_episodes: int
+    #: Messages that the recording lacks, by kind.
+    lost: dict[str, int]
+    #: `TeamRecording.episodes`.
+    episodes: list[dict[str, Any]]
+    #: Of the episodes that ended; None if none did.
+    measures: SetMeasures | None
+    #: Percentiles of a tick's wall time, seconds.
+    tick_seconds: dict[str, float]
+    #: `Findings.traffic`.
+    traffic: list[dict[str, Any]]
+    #: `Findings.attention`.
+    attention: dict[str, list[dict[str, Any]]]
+    #: Why there is no attention; empty if there is.
+    no_attention: str
+    #: `magat_recording.deadlocks.deadlocks`.
+    deadlocks: list[dict[str, Any]]
+
+    def to_json(self) -> dict[str, Any]:
+        """The report as JSON values; values that are not known are None."""
+        values: dict[str, Any] = plain(asdict(self))
+        return values
+
+
+def make_report(findings: Findings) -> RecordingReport:
+    """The report of ``findings``."""
+    recording = findings.recording
+    ended = recording.episodes.ended.tolist()
+    measures = [episode.log.measures for episode, over in zip(recording.all_episodes, ended, strict=True) if over]
+    status = recording.last_status
+    return RecordingReport(
+        robots=recording.names,
+        policy=status and status.policy,
+        digest=status and status.digest,
+        messages=len(recording.messages),
+        bytes=int(recording.messages.bytes.sum()),
+        incomplete_episodes=recording.incomplete_episodes,
+        lost={name: int(recording.lost[name].sum()) for name in _LOST},
+        episodes=recording.episodes.to_dict("records"),
+        measures=summarise(measures) if measures else None,
+        tick_seconds={name: float(recording.ticks.seconds.quantile(q)) for name, q in PERCENTILES.items()},
+        traffic=findings.traffic.to_dict("records"),
+        attention={name: table.to_dict("records") for name, table in findings.attention.items()},
+        no_attention=findings.no_attention,
+        deadlocks=findings.deadlocks.to_dict("records"),
+    )
 
 
 def show(findings: Findings, console: Console) -> None:
-    """The findings for people."""
-    recording, said = findings.recording, report(findings)
+    """Print the findings as tables."""
+    recording, report = findings.recording, make_report(findings)
     console.print(
-        f"[bold]{len(recording.names)} robots[/] with {said['policy']} ({(said['digest'] or '')[:12]}), "
-        f"{len(recording.episodes)} episodes, {said['messages']:,} messages of {said['bytes'] / 2**20:.1f} MiB",
+        f"[bold]{len(report.robots)} robots[/] with {report.policy} ({(report.digest or '')[:12]}), "
+        f"{len(report.episodes)} episodes, {report.messages:,} messages, {report.bytes / 2**20:.1f} MiB",
         highlight=False,
     )
-    lost = {name: count for name, count in said["lost"].items() if count}
-    if lost:
-        lacking = ", ".join(f"{count} {name}" for name, count in lost.items())
-        console.print(f"[bold red]The recording lacks {lacking}[/], in {len(recording.lost)} ticks")
-    else:
-        console.print(f"Every message of each of the {len(recording.ticks)} ticks is there")
-    if recording.left_out:
-        console.print(
-            f"[bold red]{recording.left_out} episodes are left out[/]: their begin, or some of it, is not there"
-        )
+    _show_completeness(findings, report, console)
     console.print(_table(recording.episodes, "Episodes", EPISODE_COLUMNS))
-    if said["measures"]:
-        low, high = said["measures"]["alpha_interval"]
-        console.print(f"alpha {said['measures']['alpha']:.2f} (95 % interval {low:.2f} to {high:.2f})")
-    times = ", ".join(f"{name} {1e3 * value:.1f}" for name, value in said["tick_seconds"].items() if value is not None)
-    console.print(f"Milliseconds a tick: {times}\n")
+    console.print(
+        "[dim]blocked: moves; silent: answers that did not come in time; missing: features in range that were"
+    )
+    console.print("[dim]not received; bytes: sent by a robot in a tick")
+    if report.measures is not None:
+        low, high = report.measures.alpha_interval
+        console.print(f"alpha {report.measures.alpha:.2f} (95 % interval {low:.2f} to {high:.2f})")
+    times = [f"{name} {1e3 * value:.1f}" for name, value in report.tick_seconds.items() if not np.isnan(value)]
+    console.print(f"Milliseconds per tick: {', '.join(times)}\n")
     milliseconds = {name: 1e3 * findings.traffic[name] for name in ("latency_p50", "latency_p99")}
     console.print(_table(findings.traffic.assign(**milliseconds), "Robots", ROBOT_COLUMNS))
-    console.print("[dim]last: share of the ticks in which it was the last to answer; p50, p99: milliseconds to answer;")
-    console.print("[dim]heeded: attention that all who hear it pay to it, in sum")
+    console.print(f"[dim]{_LEGEND}")
     for name, table in findings.attention.items():
-        console.print(_table(table, f"\nAttention by {name}", {column: column for column in table}))
-    if findings.why:
-        console.print(f"No attention: {findings.why}", markup=False)
+        console.print(_table(table, f"\nAttention by {name}", ATTENTION_COLUMNS))
+    if report.no_attention:
+        console.print(f"No attention: {report.no_attention}", markup=False)
     if len(findings.deadlocks):
-        console.print(_table(findings.deadlocks, "Deadlocks", {column: column for column in findings.deadlocks}))
+        console.print(_table(findings.deadlocks, "\nDeadlocks", DEADLOCK_COLUMNS))
     else:
         console.print("No deadlocks")
 
 
+def _show_completeness(findings: Findings, report: RecordingReport, console: Console) -> None:
+    recording = findings.recording
+    lost = ", ".join(f"{count} {name}" for name, count in report.lost.items() if count)
+    if lost:
+        console.print(f"[bold red]The recording lacks {lost}[/], in {len(recording.lost)} ticks")
+    else:
+        console.print(f"The recording is complete: it has every message of all {len(recording.ticks)} ticks")
+    if report.incomplete_episodes:
+        console.print(
+            f"[bold red]{report.incomplete_episodes} episodes are ignored[/]: some of their World messages are missing"
+        )
+
+
 def _table(values: pd.DataFrame, title: str, columns: Mapping[str, str]) -> Table:
-    """Those of ``columns`` that there are, under their headings."""
+    """The ``columns`` that ``values`` has, with their headings."""
     table = Table(title=title, title_justify="left", box=None, pad_edge=False, padding=(0, 1, 0, 0))
-    there = [name for name in columns if name in values]
-    for name in there:
-        table.add_column(columns[name].replace("_", " "), justify="right", no_wrap=True)
-    for row in values[there].itertuples(index=False):
+    present = [name for name in columns if name in values]
+    for name in present:
+        table.add_column(columns[name], justify="right", no_wrap=True)
+    for row in values[present].itertuples(index=False):
         table.add_row(*(escape(_text(value)) for value in row))
     return table
 
@@ -117,12 +160,14 @@ def _table(values: pd.DataFrame, title: str, columns: Mapping[str, str]) -> Tabl
 def _text(value: Any) -> str:
     if isinstance(value, bool | np.bool_):
         return "yes" if value else "no"
+    if isinstance(value, tuple):
+        return ", ".join(map(str, value))
     return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
 def save(findings: Findings, folder: Path, console: Console) -> None:
     """Write the pictures, and each table as CSV, to ``folder``."""
-    from magat_recording.charts import save_charts  # which takes matplotlib a second to import
+    from magat_recording.charts import save_charts  # matplotlib takes a second to import
 
     folder.mkdir(parents=True, exist_ok=True)
     recording = findings.recording

@@ -1,4 +1,4 @@
-"""What an episode looked like from outside, put together from the World messages of its ticks."""
+"""The World messages of one episode as arrays. Free of ROS."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,12 +15,12 @@ class WorldLog:
     """The World messages of an episode, live or read from a bag, as arrays. N robots, T steps."""
 
     episode: int = 0
-    #: By tick; none of 0 to T is missing, see `complete`.
+    #: World messages by tick, 0 to T; see `complete`.
     worlds: dict[int, Any] = field(default_factory=dict)
 
     @property
     def complete(self) -> bool:
-        """Whether there is a world of every tick up to the last one."""
+        """Whether no tick up to the last one is missing."""
         return self.worlds.keys() == set(range(len(self.worlds)))
 
     @property
@@ -51,27 +51,27 @@ class WorldLog:
 
     @property
     def action(self) -> IntArray:
-        """``[T, N]`` int64 primitives that the robots drew; IDLE where silent."""
+        """``[T, N]`` int64 primitives that the robots wanted; IDLE if silent."""
         return self._steps([np.frombuffer(w.action, dtype=np.uint8) for w in self._ordered[1:]]).astype(np.int64)
 
     @property
     def moved(self) -> IntArray:
-        """``[T, N]`` int64 primitives that the shield let them make."""
+        """``[T, N]`` int64 primitives that the shield made of them."""
         return self._steps([np.frombuffer(w.moved, dtype=np.uint8) for w in self._ordered[1:]]).astype(np.int64)
 
     @property
     def silent(self) -> BoolArray:
-        """``[T, N]`` bool, who did not answer in time."""
+        """``[T, N]`` bool, robots that did not answer in time."""
         return self._steps([w.silent for w in self._ordered[1:]]).astype(bool)
 
     @property
     def visited(self) -> BoolArray:
-        """``[T, N]`` bool, who has stood on its goal, after each step."""
+        """``[T, N]`` bool, robots that have visited their goals, after each step."""
         return self._steps([w.visited for w in self._ordered[1:]]).astype(bool)
 
     @property
     def blocked(self) -> BoolArray:
-        """``[T, N]`` bool, moves that robots drew and the shield did not let them make."""
+        """``[T, N]`` bool, moves that the shield blocked."""
         return blocked(self.action, self.moved)
 
     def _steps(self, rows: list[Any]) -> Any:
@@ -79,9 +79,9 @@ class WorldLog:
 
     @property
     def measures(self) -> EpisodeMeasures:
-        """What the episode came to."""
+        """The measures of the episode."""
         last = self._ordered[-1]
-        # -1 says that the expert gave no solution.
+        # -1: the expert found no solution.
         best = Flowtime(last.expert_flowtime, last.expert_flowtime_strict) if last.expert_flowtime >= 0 else None
         on_goal = (self.positions == self.goals).all(axis=2)
         return walk_measures(on_goal, last.t_max, int(self.blocked.sum()), best)

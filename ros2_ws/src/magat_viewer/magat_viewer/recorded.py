@@ -28,7 +28,7 @@ class RecordedTeam:
             self._health.reported(message.message, self._end)
         self._states, self._frames = [], []
         for episode in recording.all_episodes:
-            worlds = episode.recording.worlds
+            worlds = episode.log.worlds
             state = WatchedEpisode(episode.number, worlds[0])
             frames = [state.frame()]
             for tick in range(1, len(worlds)):
@@ -73,7 +73,7 @@ class RecordedTeam:
         if said is None:
             return None
         state = self._states[episode]
-        moment = TeamSnapshot(tick, shown.recording.positions[tick], state.goals, state.obstacles)
+        moment = TeamSnapshot(tick, shown.log.positions[tick], state.goals, state.obstacles)
         return detail(robot, moment, said, self._policy)
 
 

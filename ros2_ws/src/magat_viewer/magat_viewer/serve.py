@@ -61,14 +61,14 @@ def recorded_team(bag: Path, policy: str | None, console: Console) -> "RecordedT
     # Neither these nor torch are loaded by the page of a team that runs.
     import torch
 
-    from magat_recording.findings import carried_policy
+    from magat_recording.findings import attention_policy
     from magat_recording.tables import TeamRecording
     from magat_viewer.recorded import RecordedTeam
 
     torch.set_num_threads(1)  # what one robot computes is small: threads would only wait for each other
     with console.status(f"reading {bag}"):
         recording = TeamRecording(bag)
-        carried, why = carried_policy(recording, policy)
+        carried, why = attention_policy(recording, policy)
         return RecordedTeam(recording, why if carried is None else carried, str(bag))
 
 

@@ -24,13 +24,13 @@ def main(options: Options, console: "Console") -> int:
 
     from magat_cli.output import print_json
     from magat_recording.findings import analyze
-    from magat_recording.report import report, save, show
+    from magat_recording.report import make_report, save, show
 
     findings = analyze(options.bag, options.policy, console)
     if options.output is not None:
         save(findings, options.output, console)
     if options.json:
-        print_json(report(findings))
+        print_json(make_report(findings).to_json())
     else:
         show(findings, Console())
     return 0

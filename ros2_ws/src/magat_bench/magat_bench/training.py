@@ -9,17 +9,17 @@ from pathlib import Path
 
 import torch
 from rich.console import Console, Group
-from rich.progress import Progress, track
 from rich.table import Table
 from torch.profiler import ProfilerActivity, profile
 from torch.utils.flop_counter import FlopCounterMode
 
 from magat_evaluation.cases import SolvedCase, solved_cases
 from magat_evaluation.splits import SPLITS
+from magat_node.progress import progress_bars, tracked
 from magat_robot.policy.config import ModelError
 from magat_robot.policy.models import find_policy
 from magat_robot.policy.store import load_network
-from magat_training.train import TrainConfig, Trainer
+from magat_training.trainer import TrainConfig, Trainer
 
 #: Steps before those that are timed.
 WARM_UP = 10
@@ -99,7 +99,7 @@ def bench_training(name: str, threads: int, steps: int, cases: int, console: Con
     torch.set_num_threads(threads)
     config = TrainConfig(policy=dataclasses.replace(TrainConfig().policy, name=name))
     train, valid = (
-        list(track(solved_cases(numbers), what, total=len(numbers), console=console, transient=True))
+        list(tracked(solved_cases(numbers), what, len(numbers), console))
         for what, numbers in (
             ("training cases", SPLITS["train"][:cases]),
             ("validation cases", SPLITS["valid"][: min(config.valid_cases, cases)]),
@@ -111,7 +111,7 @@ def bench_training(name: str, threads: int, steps: int, cases: int, console: Con
         trainer = Trainer(once, Path(folder), train, valid)
         _take_weights(trainer, name)
         before: dict[str, float] = {}
-        with Progress(console=console, transient=True) as progress:
+        with progress_bars(console) as progress:
             task = progress.add_task("training", total=last)
 
             def note(step: int, _: float) -> None:

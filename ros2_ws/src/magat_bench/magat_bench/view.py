@@ -19,7 +19,6 @@ import psutil
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
 
 from magat_bringup.environment import loopback, own_domain
@@ -29,6 +28,7 @@ from magat_evaluation.splits import SET_SEED
 from magat_interfaces.msg import World
 from magat_node import qos
 from magat_node.errors import TeamError
+from magat_node.progress import progress_bars
 from magat_sim.case import draw_case
 from magat_sim.grid import IntArray
 from magat_sim.simulator import Simulator
@@ -188,7 +188,7 @@ def _worlds(crowd: Crowd) -> list[World]:
 def bench_view(crowds: Iterable[Crowd], seconds: float, console: Console) -> Iterator[tuple[Crowd, Smoothness]]:
     """`measure` each of ``crowds``, with progress."""
     crowds = list(crowds)
-    with Progress(console=console, transient=True) as progress:
+    with progress_bars(console) as progress:
         task = progress.add_task("", total=len(crowds))
         for crowd in crowds:
             progress.update(task, description=f"{crowd.robots} robots")

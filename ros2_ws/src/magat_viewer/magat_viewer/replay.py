@@ -12,10 +12,10 @@ from rclpy.experimental import EventsExecutor
 from rclpy.publisher import Publisher
 from rclpy.signals import SignalHandlerOptions
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from magat_node import interruption
 from magat_node.errors import TeamError
+from magat_node.progress import progress_bars
 from magat_node.topics import shown_topics, view_topics
 from magat_recording.bag import BagError, bag_span, bag_topics, read_bag
 from magat_viewer.rviz.node import ViewNode
@@ -86,11 +86,10 @@ def _publish(
     console: Console,
     span: tuple[int, int],
 ) -> int:
-    columns = [TextColumn("replaying"), BarColumn(), TextColumn("{task.completed:.0f} of {task.total:.0f} s")]
     first, last = span
     published = 0
-    with Progress(*columns, TimeRemainingColumn(), console=console, transient=True) as progress:
-        task = progress.add_task("", total=(last - first) / 1e9)
+    with progress_bars(console) as progress:
+        task = progress.add_task("replaying, seconds", total=(last - first) / 1e9)
         began = time.monotonic()
         for message in read_bag(bag):
             if message.topic not in publishers:

@@ -155,6 +155,39 @@ def test_options_in_sentences_exist(page: Path) -> None:
             assert not unknown, f"{page.name} has magat {verb}{rest}"
 
 
+# --- Parameters and launch arguments ---
+
+
+def table_rows(page: Path, heading: str) -> list[list[str]]:
+    """The cells of the rows of the table under a line that begins with ``heading``."""
+    lines = page.read_text().split(f"\n{heading}", 1)[1].splitlines()[2:]
+    end = next((number for number, line in enumerate(lines) if not line.startswith("|")), len(lines))
+    return [[cell.strip().strip("`") for cell in line.split("|")[1:-1]] for line in lines[:end]]
+
+
+def test_parameters_are_those_of_the_nodes() -> None:
+    packages = {"robot": "robot", "simulator": "sim", "expert": "expert", "recorder": "recording"}
+    packages |= {"viewer": "viewer", "rviz_bridge": "viewer"}
+    documented: set[tuple[str, str]] = set()
+    package = ""
+    for node, parameter, *_ in table_rows(DOCS / "deployment.md", "| node | parameter |"):
+        package = packages[node] if node else package
+        documented.add((package, parameter))
+    declared = {
+        (package, name)
+        for package in packages.values()
+        for path in (SOURCES / f"magat_{package}" / f"magat_{package}").rglob("*.py")
+        for name in re.findall(r'\bdeclare_\w+\(\s*[\w.]+,\s*"(\w+)"', path.read_text())
+    }
+    assert documented == declared
+
+
+def test_launch_arguments_are_those_of_the_launch_file() -> None:
+    documented = [argument for argument, *_ in table_rows(DOCS / "deployment.md", "| argument | default |")]
+    text = (SOURCES / "magat_bringup/launch/team.launch.py").read_text()
+    assert documented == re.findall(r'DeclareLaunchArgument\(\s*"(\w+)"', text)
+
+
 # --- The glossary ---
 
 

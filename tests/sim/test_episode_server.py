@@ -7,10 +7,11 @@ import pytest
 
 from magat_node.cdr import PackedFeature
 from magat_sim.case import Case, make_case
+from magat_sim.constants import T_MAX_FACTOR
 from magat_sim.episode_server import EXPERT_GRACE, EpisodeLimits, EpisodeServer
 from magat_sim.episode_states import AwaitingExpert, EpisodeEnd, EpisodeRequest, ExpertPlan, Gathering, Idle, Ticking
 from magat_sim.grid import Primitive
-from magat_sim.measures import T_MAX_FACTOR, Flowtime
+from magat_sim.measures import Flowtime
 from magat_sim.simulator import DEFAULT_RULES
 from magat_sim.team import FRESH, SILENT_TICKS, Equipment, Team
 from magat_sim.ticks import ReceivedPreference

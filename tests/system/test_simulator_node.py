@@ -1,13 +1,17 @@
 """What the simulator's node makes of messages to be relayed: one node, with nobody there."""
 
+from unittest import mock
+
 import pytest
 import rclpy
 from rclpy.parameter import Parameter
 
 from magat_bringup.environment import own_domain
+from magat_interfaces.action import RunEpisode
 from magat_interfaces.msg import Feature, Observation
 from magat_node import cdr
 from magat_sim.case import draw_case
+from magat_sim.constants import EXPERT_W
 from magat_sim.episode_states import EpisodeRequest, Gathering, Idle
 from magat_sim.node import SimulatorNode
 
@@ -156,3 +160,17 @@ def test_a_radio_that_does_not_exist_is_refused():
                 SimulatorNode(context=context, parameter_overrides=parameters)
         finally:
             context.try_shutdown()
+
+
+@pytest.mark.parametrize(("given", "asked"), [(5.0, 5.0), (0.0, EXPERT_W)])
+def test_the_expert_is_asked_with_the_bound_of_the_goal(simulator, given, asked):
+    """Else a team on a large case would have another T_max than the batched simulator."""
+    node, _ = simulator
+    node._server.state = Idle()
+    for member in node._team.members:
+        member.join()
+    node._solve = mock.Mock()
+    node._begin(mock.Mock(request=RunEpisode.Goal(seed=1, width=5, height=5, expert_w=given), cancel_requested=False))
+    (request,) = node._solve.call_async.call_args.args
+    assert request.w == asked
+    assert len(request.start_x) == len(NAMES)

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from magat_evaluation.splits import EXPERT_NODE_LIMIT, EXPERT_W, SET_SEED, SPLITS
 from magat_expert import SolveStatus, solve_many
 from magat_sim.case import Case, InvalidCaseError, draw_case
+from magat_sim.constants import T_MAX_FACTOR
 from magat_sim.grid import IntArray
-from magat_sim.measures import T_MAX_FACTOR, Flowtime, expert_flowtime
+from magat_sim.measures import Flowtime, expert_flowtime
 
 #: Of drawing and solving. Raise it with every change after which a seed gives other cases or other paths: data sets
 #: (`magat_training.data`) made before are then refused rather than mixed with new ones.

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy.typing as npt
 
-from magat_expert.instance import InvalidInstanceError, validate_limits
+from magat_expert.instance import DEFAULT_W, InvalidInstanceError, validate_limits
 from magat_expert.solver import Solution, StopFlag, solve
 
 
@@ -30,7 +30,7 @@ class Case(Protocol):
 def solve_many(
     cases: Iterable[Case],
     workers: int = 1,
-    w: float = 1.1,
+    w: float = DEFAULT_W,
     time_limit: float = 10.0,
     node_limit: int | None = None,
 ) -> Iterator[Solution]:

@@ -12,6 +12,7 @@ from magat_expert import _core
 MAX_ROBOTS = 32_767  # robots are numbered with 16 bits in the search
 MAX_SIDE = 32_767  # and coordinates have 16 bits in the paths
 MAX_W = 1_000.0
+DEFAULT_W = 1.1
 
 
 class InvalidInstanceError(ValueError):

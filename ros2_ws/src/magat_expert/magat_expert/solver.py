@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from magat_expert import _core
 from magat_expert._core import StopFlag
-from magat_expert.instance import Instance, validate_instance, validate_limits
+from magat_expert.instance import DEFAULT_W, Instance, validate_instance, validate_limits
 
 
 class SolveStatus(enum.IntEnum):
@@ -60,7 +60,7 @@ def solve(
     obstacles: ArrayLike,
     starts: ArrayLike,
     goals: ArrayLike,
-    w: float = 1.1,
+    w: float = DEFAULT_W,
     time_limit: float = 10.0,
     node_limit: int | None = None,
     stop: StopFlag | None = None,

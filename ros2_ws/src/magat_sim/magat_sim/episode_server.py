@@ -9,6 +9,7 @@ from typing import Protocol
 
 from magat_node.cdr import PackedFeature
 from magat_sim.case import Case
+from magat_sim.constants import T_MAX_FACTOR
 from magat_sim.episode_states import (
     AwaitingExpert,
     EpisodeEnd,
@@ -20,7 +21,6 @@ from magat_sim.episode_states import (
     Progress,
     Ticking,
 )
-from magat_sim.measures import T_MAX_FACTOR
 from magat_sim.relay import Bundle
 from magat_sim.simulator import Rules
 from magat_sim.streams import episode_streams

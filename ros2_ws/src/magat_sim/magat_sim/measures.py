@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from magat_sim.grid import BoolArray, IntArray
 
-#: T_max is this many times the expert's makespan.
-T_MAX_FACTOR = 3
+#: Quantile of the normal distribution for two-sided 95 % intervals.
+Z_95 = 1.959964
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ def last_arrivals(on_goal: BoolArray) -> IntArray:
     return np.where(away.any(axis=0), len(on_goal) - away.argmax(axis=0), 0)
 
 
-def wilson(successes: int, cases: int, z: float = 1.959964) -> tuple[float, float]:
+def wilson(successes: int, cases: int, z: float = Z_95) -> tuple[float, float]:
     """The 95 % score interval of a rate (Wilson, JASA 1927).
 
     Raises:
@@ -171,7 +171,7 @@ def summarise(episodes: Sequence[EpisodeMeasures]) -> SetMeasures:
         alpha_strict_interval=wilson(strict, cases),
         delta_ft=float(increase.mean()),
         delta_ft_strict=float(np.mean([e.delta_ft_strict for e in episodes])),
-        delta_ft_half_width=float(1.959964 * increase.std(ddof=1) / math.sqrt(cases)) if cases > 1 else math.nan,
+        delta_ft_half_width=float(Z_95 * increase.std(ddof=1) / math.sqrt(cases)) if cases > 1 else math.nan,
         p_rg=float(np.mean([e.p_rg for e in episodes])),
         stranded=dict(sorted(Counter(e.stranded for e in episodes).items())),
         makespan=float(np.mean([e.makespan for e in episodes])),

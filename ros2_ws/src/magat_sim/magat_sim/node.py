@@ -19,6 +19,7 @@ from magat_node.deferred import RunningGoal, SingleGoalActionServer
 from magat_node.parameters import declare_choice, declare_seconds, declare_share, declare_value
 from magat_node.run import run_node
 from magat_sim.case import Case, InvalidCaseError, draw_case, make_case
+from magat_sim.constants import EXPERT_W
 from magat_sim.deployment_server import DeploymentServer
 from magat_sim.episode_server import EpisodeLimits, EpisodeServer
 from magat_sim.episode_states import EpisodeEnd, EpisodeRequest, ExpertPlan, Progress, Ticking
@@ -132,7 +133,8 @@ class SimulatorNode(Node):
         except InvalidCaseError as error:
             goal.abort(EpisodeEnd(episode, str(error)))
             return
-        self._server.begin(goal, EpisodeRequest(episode, case, message.seed, message.number, message.t_max, 1.1))
+        w = message.expert_w or EXPERT_W
+        self._server.begin(goal, EpisodeRequest(episode, case, message.seed, message.number, message.t_max, w))
 
     # --- To ROS: the Surroundings of the episode server ---
 

@@ -6,10 +6,11 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 
 from magat_pictures.colours import ALARM, INK, ROBOT_INKS
-from magat_recording.attention import Z_95, links, relative_attention
+from magat_recording.attention import links, relative_attention
 from magat_recording.tables import TeamRecording
 from magat_robot.policy.models import policy_of_digest
 from magat_robot.policy.store import load
+from magat_sim.measures import Z_95
 
 recording = TeamRecording(Path(sys.argv[1]))
 status = recording.last_status

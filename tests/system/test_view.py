@@ -80,17 +80,17 @@ def test_it_shows_the_world_and_the_inside_of_the_chosen_robot(watched):
 
         detail = next(d for d in reversed(details) if any(one["attention"] for one in d["neighbours"]))
         recording, tick = recordings[detail["episode"]], detail["tick"]
-        moment = TeamSnapshot(tick, recording.positions[tick], recording.goals, recording.obstacles)
-        [view] = moment.views([3])
-        assert detail["view"] == ["".join(map(str, channel.ravel())) for channel in view]
-        row = neighbours(np.zeros(10, dtype=np.int64), moment.positions)[3]
+        snapshot = TeamSnapshot(tick, recording.positions[tick], recording.goals, recording.obstacles)
+        [view] = snapshot.fields_of_view([3])
+        assert detail["field_of_view"] == ["".join(map(str, channel.ravel())) for channel in view]
+        row = neighbours(np.zeros(10, dtype=np.int64), snapshot.positions)[3]
         assert [one["robot"] for one in detail["neighbours"]] == row[row >= 0].tolist()
         assert sum(one["attention"][0] for one in detail["neighbours"] if one["attention"]) == pytest.approx(
             1, abs=1e-3
         )
         assert sum(detail["probabilities"]) == pytest.approx(1, abs=1e-3)
-        assert detail["primitive"] == recording.action[tick, 3]
-        assert detail["why"] == ""
+        assert detail["action"] == recording.action[tick, 3]
+        assert detail["no_attention"] == ""
     # Nobody looks at a robot any more: only what is told to all tools is heard.
     node = team.client.node
     assert team.client.spin(lambda: heard_by_the_page(team) == {"/world", "/robot_status"}, 20.0)

@@ -15,8 +15,8 @@ from magat_recording.report import make_report, save, show
 from magat_recording.tables import TeamRecording
 from magat_robot.policy.policy import Policy
 from magat_robot.policy.store import save as save_policy
-from magat_viewer.detail import TeamSnapshot, TickOutcome, detail
-from magat_viewer.recorded import RecordedTeam, heard_in
+from magat_viewer.detail import TeamSnapshot, TickOutcome, robot_detail
+from magat_viewer.recorded import RecordedTeam, recorded_tick
 
 WHY = "robots with MAGAT-F-16 and K = 1 do not communicate"
 
@@ -33,18 +33,18 @@ def test_a_page_shows_decisions_without_attention(simulate, policy, encoding):
     team, in_range = RecordedTeam(recording, policy, ""), 0
     for tick, robot in itertools.product(range(4), range(6)):
         recorded = team.detail(0, tick, robot)
-        assert recorded["why"] == WHY
-        assert all(one["attention"] is None for one in recorded["neighbours"])
+        assert recorded.no_attention == WHY
+        assert all(one.attention is None for one in recorded.neighbours)
         observation = episode.ticks[tick].observations[robot].message
         preference = episode.ticks[tick].preferences[observation.own_tag].message
-        assert recorded["probabilities"] == pytest.approx(np.exp(preference.log_probabilities), abs=1e-4)
-        in_range += len(recorded["neighbours"])
+        assert recorded.probabilities == pytest.approx(np.exp(preference.log_probabilities), abs=1e-4)
+        in_range += len(recorded.neighbours)
         # A live page has the world only, and computes the rest.
         world, after = episode.log, episode.log.worlds[tick + 1]
-        moment = TeamSnapshot(tick, world.positions[tick], world.goals, world.obstacles)
-        fate = TickOutcome(after.silent[robot], after.missing[robot], after.action[robot], observation.stream)
-        said = replace(heard_in(episode, tick, robot), payloads=None, preference=None, fate=fate)
-        assert detail(robot, moment, said, policy) == recorded
+        snapshot = TeamSnapshot(tick, world.positions[tick], world.goals, world.obstacles)
+        outcome = TickOutcome(after.silent[robot], after.missing[robot], after.action[robot])
+        messages = replace(recorded_tick(episode, tick, robot), payloads=None, preference=None, outcome=outcome)
+        assert robot_detail(robot, snapshot, messages, policy) == recorded
     assert in_range > 0
 
 

@@ -1,4 +1,4 @@
-"""The page in a real browser: it loads, robots move, a click chooses, the scrubber scrubs, and it does not complain."""
+"""The page in a real browser: it loads, plays and reacts to mouse and keyboard, without errors in the console."""
 
 from collections.abc import Callable, Iterator
 from urllib.parse import urlsplit
@@ -9,6 +9,7 @@ from magat_recording.tables import TeamRecording
 from magat_viewer.browser import chromium, until
 from magat_viewer.recorded import RecordedTeam
 from magat_viewer.server import PageServer
+from magat_viewer.watched_episode import EpisodeResult, Scene
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +21,7 @@ def browser(needs_chromium) -> Iterator:
 
 @pytest.fixture
 def show(browser) -> Iterator[Callable]:
-    """Opens the page of a team; at the end nothing must have been complained of, nor asked of anybody else."""
+    """Opens the page of a team. Errors in the console and requests to other hosts fail the test."""
     complaints, asked, opened = [], [], []
 
     def open_page(source, fragment: str = ""):
@@ -65,7 +66,7 @@ def cells(page) -> list[list[int]]:
 
 
 def point(page, robot: int) -> tuple[float, float]:
-    """Where a robot is on the page, pixels."""
+    """The position of a robot on the page, pixels."""
     box = page.locator("#map").bounding_box()
     x, y = page.evaluate(
         """robot => {
@@ -88,10 +89,10 @@ def test_the_page_shows_the_episode_and_robots_move(show, recorded):
     assert page.locator("#now").screenshot() != before
     until(page, "magat.player.atEnd")
     until(page, "document.getElementById('result').textContent.includes('Episode')")
-    assert shown(page, "magat.player.frame.tick") == recorded.results()[0]["ticks"]
+    assert shown(page, "magat.player.frame.tick") == recorded.results()[0].ticks
 
 
-def test_the_scrubber_scrubs_to_what_was_at_that_tick(show, recorded):
+def test_the_scrubber_shows_the_chosen_tick(show, recorded):
     page = show(recorded)
     worlds = recorded._recording.all_episodes[0].log.worlds
     for tick in (5, 0, 11):
@@ -101,7 +102,7 @@ def test_the_scrubber_scrubs_to_what_was_at_that_tick(show, recorded):
         until(page, f"document.getElementById('clock').textContent.startsWith('tick {tick} / 12')")
 
 
-def test_a_click_chooses_a_robot_and_shows_its_inside(show, recorded):
+def test_a_click_chooses_a_robot_and_shows_its_detail(show, recorded):
     page = show(recorded, "tick=3")
     for robot in (4, 1):
         page.mouse.click(*point(page, robot))
@@ -114,16 +115,16 @@ def test_a_click_chooses_a_robot_and_shows_its_inside(show, recorded):
     rows = [row.inner_text().split() for row in page.locator("#probabilities .bar-row").all()]
     assert [row[1] for row in rows] == ["idle", "up", "down", "left", "right"]
     shares = [float(row[2]) for row in rows]
-    assert shares == pytest.approx([100 * share for share in found["probabilities"]], abs=0.51)
-    assert "drawn" in " ".join(rows[found["primitive"]])
+    assert shares == pytest.approx([100 * share for share in found.probabilities], abs=0.51)
+    assert "drawn" in " ".join(rows[found.action])
     listed = page.locator("#neighbours li:visible").all()
-    assert len(listed) == len(found["neighbours"]) > 0
+    assert len(listed) == len(found.neighbours) > 0
     page.locator("#map").click(position={"x": 4, "y": 4})
     assert shown(page, "magat.chosen()") is None
     until(page, "document.getElementById('inside').hidden")
 
 
-def test_the_keyboard_does_all_of_it(show, recorded):
+def test_every_key_works(show, recorded):
     page = show(recorded, "tick=3")
     press = page.keyboard.press
     assert not shown(page, "magat.player.playing")
@@ -162,7 +163,7 @@ def test_the_keyboard_does_all_of_it(show, recorded):
     assert page.locator("#keys").is_visible()
 
 
-def test_an_address_leads_to_an_instant(show, recorded):
+def test_the_address_selects_episode_tick_and_robot(show, recorded):
     page = show(recorded, "episode=1&tick=7&robot=carol&theme=dark")
     until(page, "magat.player.episode.number === 1 && magat.player.frame?.tick === 7")
     assert shown(page, "magat.chosen()") == 2
@@ -170,8 +171,8 @@ def test_an_address_leads_to_an_instant(show, recorded):
     assert not shown(page, "magat.player.playing")
 
 
-class Told:
-    """A live team that says the frames of a recorded one when it is told to, one a look."""
+class ReplayedTeam:
+    """A live team that sends the frames of a recorded one up to the tick ``upto``."""
 
     live, title = True, "a live team"
 
@@ -179,10 +180,10 @@ class Told:
         self.recorded, self.upto, self.newest = recorded, 0, 0
         self.poll, self.health, self.detail = recorded.poll, recorded.health, lambda *_: None
 
-    def results(self) -> list[dict]:
+    def results(self) -> list[EpisodeResult]:
         return self.recorded.results()[: self.newest]
 
-    def scene(self, episode: int) -> dict:
+    def scene(self, episode: int) -> Scene:
         return self.recorded.scene(episode)
 
     def frames(self, episode: int, after: int) -> tuple[int, bytes]:
@@ -192,7 +193,7 @@ class Told:
 
 
 def test_a_live_team_is_followed_and_can_be_looked_back_at(show, recorded):
-    source = Told(recorded)
+    source = ReplayedTeam(recorded)
     page = show(source)
     assert page.locator("#live").is_visible()
     source.upto = 6

@@ -1,9 +1,10 @@
-"""The page's server: who may ask, what is served, and that a slow browser is sent the newest, not a queue."""
+"""The page's server: access, files, and that a slow browser gets the newest state, not a queue."""
 
 import asyncio
 import contextlib
 import http.client
 import json
+import math
 import socket
 import time
 from collections.abc import Callable, Iterator
@@ -12,11 +13,14 @@ import aiohttp
 import pytest
 
 from magat_viewer.address import PORT, ServerError, free_port
+from magat_viewer.detail import RobotDetail
+from magat_viewer.health import HealthReport
 from magat_viewer.server import PageServer
+from magat_viewer.watched_episode import EpisodeResult, Scene
 
 
 class Counting:
-    """A live team that does nothing but count ticks; its frames are large."""
+    """A live team that only counts ticks; its frames are large."""
 
     live, title, newest = True, "counting", 0
 
@@ -28,20 +32,20 @@ class Counting:
         self.tick += 1
         self.chosen = set(chosen)
 
-    def results(self) -> list[dict]:
+    def results(self) -> list[EpisodeResult]:
         return []
 
-    def scene(self, episode: int) -> dict:
-        return {"kind": "scene", "episode": episode}
+    def scene(self, episode: int) -> Scene:
+        return Scene(episode, ["alice"], 1, 1, "0", [[0, 0]], 9, 7.0, 4)
 
     def frames(self, episode: int, after: int) -> tuple[int, bytes]:
         return self.tick, self.tick.to_bytes(4, "little").ljust(self.size) if self.tick > after else b""
 
-    def health(self, episode: int) -> dict:
-        return {"kind": "health"}
+    def health(self, episode: int) -> HealthReport:
+        return HealthReport({}, [])
 
-    def detail(self, episode: int, tick: int, robot: int) -> dict:
-        return {"kind": "detail", "tick": tick, "robot": robot}
+    def detail(self, episode: int, tick: int, robot: int) -> RobotDetail:
+        return RobotDetail(robot, tick, [], [math.nan], None, 0, None, [], "")
 
 
 @pytest.fixture
@@ -73,7 +77,7 @@ def follow(page: PageServer, talk: Callable, **headers: str) -> object:
     return asyncio.run(run())
 
 
-async def told(channel: aiohttp.ClientWebSocketResponse, kind: str) -> dict:
+async def received(channel: aiohttp.ClientWebSocketResponse, kind: str) -> dict:
     while True:
         message = await channel.receive()
         assert message.type in (aiohttp.WSMsgType.TEXT, aiohttp.WSMsgType.BINARY), message
@@ -116,7 +120,7 @@ def test_every_part_that_a_part_imports_is_served(serve):
 
 
 @pytest.mark.parametrize("host", ["evil.example", "evil.example:{port}", "127.0.0.1.evil.example", "[", ""])
-def test_a_name_of_somebody_elses_that_leads_here_is_refused(serve, host):
+def test_other_host_names_are_refused(serve, host):
     page = serve(Counting())
     assert get(page, "/", Host=host.format(port=page.port)).status == 403
     assert get(page, "/", Host=f"localhost:{page.port}").status == 200
@@ -125,23 +129,23 @@ def test_a_name_of_somebody_elses_that_leads_here_is_refused(serve, host):
 @pytest.mark.parametrize(
     "origin", ["http://evil.example", "null", "http://127.0.0.1:1", "https://127.0.0.1:{port}", ""]
 )
-def test_pages_of_others_cannot_follow_the_team(serve, origin):
+def test_pages_of_other_sites_are_refused(serve, origin):
     page = serve(Counting())
     with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
         follow(page, lambda channel: channel.receive(), Origin=origin.format(port=page.port))
 
 
-def test_who_does_not_say_where_it_comes_from_cannot_either(serve):
+def test_a_request_without_an_origin_is_refused(serve):
     page = serve(Counting())
     upgrade = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13"}
     assert get(page, "/socket", **upgrade, **{"Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA=="}).status == 403
 
 
-def test_a_browser_is_told_of_the_team_the_scene_and_every_new_tick(serve):
+def test_a_browser_gets_the_team_the_scene_and_every_new_tick(serve):
     page = serve(Counting())
 
     async def talk(channel):
-        team, scene = await told(channel, "team"), await told(channel, "scene")
+        team, scene = await received(channel, "team"), await received(channel, "scene")
         frames = []
         while len(frames) < 5:
             message = await channel.receive()
@@ -154,21 +158,22 @@ def test_a_browser_is_told_of_the_team_the_scene_and_every_new_tick(serve):
     assert frames == sorted(set(frames))
 
 
-def test_whom_somebody_looks_at_is_asked_for_as_long_as_that_one_is_there(serve):
+def test_the_source_knows_the_chosen_robots_of_all_browsers(serve):
     source = Counting()
     page = serve(source)
 
     async def talk(channel):
         await channel.send_json({"chosen": 3})
-        detail = await told(channel, "detail")
+        detail = await received(channel, "detail")
         chosen = source.chosen
         await channel.send_json({"chosen": 5})
-        while (await told(channel, "detail"))["robot"] != 5:
+        while (await received(channel, "detail"))["robot"] != 5:
             pass
         return detail, chosen, source.chosen
 
     detail, *chosen = follow(page, talk)
     assert (detail["robot"], detail["episode"]) == (3, 0)
+    assert detail["probabilities"] == [None], "JSON has no NaN"
     assert chosen == [{3}, {5}]
     deadline = time.monotonic() + 10
     while source.chosen:
@@ -179,7 +184,7 @@ def test_whom_somebody_looks_at_is_asked_for_as_long_as_that_one_is_there(serve)
 @pytest.mark.parametrize(
     "said", ["no json", "[1]", '{"chosen": -1}', '{"chosen": "x"}', '{"scene": 1}', '{"tick": null}', '{"tick": true}']
 )
-def test_wishes_that_are_none_end_the_conversation_and_nothing_else(serve, said):
+def test_an_invalid_request_ends_its_connection_only(serve, said):
     page = serve(Counting())
 
     async def talk(channel):
@@ -193,12 +198,12 @@ def test_wishes_that_are_none_end_the_conversation_and_nothing_else(serve, said)
     page.wait(0.0)
 
 
-def test_a_browser_that_does_not_read_is_sent_the_newest_once_it_does(serve):
+def test_a_slow_browser_gets_the_newest_frames(serve):
     source = Counting(size=4_000_000)
     page = serve(source)
 
     async def talk(channel):
-        await told(channel, "scene")
+        await received(channel, "scene")
         before = source.tick
         await asyncio.sleep(1.0)  # some thirty ticks, of which it reads none
         passed, frames = source.tick - before, []
@@ -213,7 +218,7 @@ def test_a_browser_that_does_not_read_is_sent_the_newest_once_it_does(serve):
     assert frames < passed / 2
 
 
-def test_the_next_free_port_is_taken_unless_one_is_asked_for(serve):
+def test_the_server_takes_the_next_free_port_or_the_given_one(serve):
     first = serve(Counting())
     assert first.port >= PORT
     second = serve(Counting())
@@ -229,14 +234,14 @@ def test_an_address_that_is_not_this_machines_is_refused(host):
         PageServer(Counting(), host)
 
 
-def test_only_this_machine_is_listened_to(serve):
+def test_the_server_listens_on_the_loopback_address_only(serve):
     page = serve(Counting())
     with socket.socket() as probe:
         assert probe.connect_ex(("127.0.0.2", page.port)) != 0
 
 
 @pytest.mark.parametrize("method", ["poll", "scene"])
-def test_what_ends_the_server_is_raised(method):
+def test_an_error_that_ends_the_server_is_raised(method):
     def fail(*_: object) -> None:
         raise OSError("the disk is on fire")
 

@@ -1,5 +1,6 @@
-"""What browsers are sent is what the worlds said, byte by byte, and an episode comes to what the simulator says."""
+"""Browsers get what the World messages say, and an episode has the measures of the simulator."""
 
+import math
 import struct
 
 import numpy as np
@@ -42,30 +43,30 @@ def test_a_frame_holds_the_world(walk, robots):
 def test_the_scene_is_the_case(walk):
     made = walk()
     scene = seen(made.worlds).scene()
-    assert (scene["width"], scene["height"], scene["t_max"], scene["episode"]) == (7, 8, 12, 7)
-    assert scene["goals"] == made.case.goals.tolist()
-    grid = np.array(list(scene["obstacles"]), dtype=int).reshape(8, 7)
+    assert (scene.width, scene.height, scene.t_max, scene.episode) == (7, 8, 12, 7)
+    assert scene.goals == made.case.goals.tolist()
+    grid = np.array(list(scene.obstacles), dtype=int).reshape(8, 7)
     assert (grid == made.case.obstacles).all()
-    assert scene["robots"] == [f"r_{i}" for i in range(5)]
+    assert scene.robots == [f"r_{i}" for i in range(5)]
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_an_episode_comes_to_what_the_simulator_says(walk, seed):
+def test_the_measures_are_the_simulators(walk, seed):
     made = walk(robots=2, ticks=40, seed=seed, side=3)
     [expected] = made.simulator.measures([Flowtime(20, 21)])
     state = seen(made.worlds)
     assert state.measures == expected
-    assert state.result()["measures"]["delta_ft"] == expected.delta_ft
-    assert state.result()["ticks"] == expected.ticks
+    assert state.result().measures.delta_ft == expected.delta_ft
+    assert state.result().ticks == expected.ticks
 
 
-def test_while_it_runs_or_if_some_of_it_was_not_seen_it_comes_to_nothing(walk):
+def test_an_episode_that_runs_or_was_seen_in_part_has_no_measures(walk):
     worlds = walk().worlds
     assert seen(worlds[:-1]).measures is None
     assert seen(worlds[1:]).measures is None
     assert seen([*worlds[:4], *worlds[5:]]).measures is None
     assert seen(worlds[1:]).obstacles is None
-    assert seen(worlds[1:]).scene()["obstacles"] is None
+    assert seen(worlds[1:]).scene().obstacles is None
 
 
 def test_a_world_that_comes_twice_or_late_counts_once(walk):
@@ -78,4 +79,4 @@ def test_without_an_experts_solution_there_is_no_delta(walk):
     worlds = walk().worlds
     for world in worlds:
         world.expert_flowtime = -1
-    assert seen(worlds).result()["measures"]["delta_ft"] is None
+    assert math.isnan(seen(worlds).result().measures.delta_ft)

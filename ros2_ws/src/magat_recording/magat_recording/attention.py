@@ -131,7 +131,7 @@ def _weights(
             if feature is not None:
                 encoding, recorded[row] = ENCODING_NAMES[feature.message.encoding], True
                 sent[row] = payload.decode(feature.message.payload, size, encoding, policy.config.largest)
-        if number == 0 and not (payload.carried(latent.messages, encoding) == sent)[recorded].all():
+        if number == 0 and not (payload.round_trip(latent.messages, encoding) == sent)[recorded].all():
             raise BagError(
                 f"the recorded features are not those of {policy.config.name} ({policy.digest[:12]}): name the policy "
                 "that the robots carried (robots with the backend echo carry none)"

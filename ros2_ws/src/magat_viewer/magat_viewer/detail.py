@@ -1,10 +1,13 @@
-"""What the chosen robot saw, heard and decided in one tick, as JSON values. Free of ROS.
+"""What the chosen robot saw, received and decided in one tick. Free of ROS.
 
-As a deployed policy's sums have no order, what a robot computed can be computed again, to the last bit, from what it
-saw and heard. It saw what it was told. What each neighbour must have said follows from the world. So if the world says
-that the robot heard all in range, and wants what it would draw then, all is known of it, and nobody has to listen to
-what robots say and answer, at a cost to the team. Otherwise that has to be heard. No message says who sent it, but a
-neighbour is known by what it must have said; two that said the same are heard alike.
+The sums of a deployed policy do not depend on their order. So the page can compute again, to the last bit, what a robot
+computed from its observation and the messages that it received, and there are two ways to know these messages:
+
+- From the world. The message of each neighbour follows from the neighbour's observation, which follows from the map. If
+  the World message says that the robot received all messages in range, and its action is the one that it would draw
+  then, the page needs no further messages, and costs the team nothing.
+- From the robots' features and preferences, otherwise. Messages carry no sender, but the page knows the message that
+  each neighbour must have sent. Two neighbours that sent the same message got the same attention.
 """
 
 from collections import Counter
@@ -25,13 +28,15 @@ if TYPE_CHECKING:
     from magat_robot.policy.interface import LatentState
     from magat_robot.policy.policy import Policy  # torch takes a second to import, and is not always needed
 
-#: Why nothing is known of a robot's attention: somebody would have to listen to what robots say and answer.
-UNHEARD = "which robots it heard is being found out"
+#: Why attention is not known yet: only the robots' own messages tell which messages the robot received.
+RECEIVED_UNKNOWN = "the page does not know yet which messages the robot received"
+#: Why there is no attention of a silent robot.
+SILENT = "the robot did not answer in time"
 
 
 @dataclass(frozen=True)
 class TeamSnapshot:
-    """The team at the begin of a tick. N robots."""
+    """The team at the start of a tick. N robots."""
 
     tick: int
     #: ``[N, 2]`` cells ``(x, y)``.
@@ -41,169 +46,199 @@ class TeamSnapshot:
     #: ``[H, W]`` bool; None if it is not known.
     obstacles: BoolArray | None
 
-    def views(self, robots: Sequence[int]) -> Uint8Array:
-        """``[len(robots), 3, 11, 11]`` what ``robots`` see.
+    def fields_of_view(self, robots: Sequence[int]) -> Uint8Array:
+        """``[len(robots), 3, 11, 11]`` the fields of view of ``robots``.
 
         Raises:
             ValueError: the obstacles are not known.
         """
         if self.obstacles is None:
-            raise ValueError("nobody has told where the obstacles are")
-        there = np.zeros(self.obstacles.shape, dtype=np.uint8)
-        there[self.positions[:, 1], self.positions[:, 0]] = 1
+            raise ValueError("the obstacles are not known: there is no field of view without them")
+        occupied = np.zeros(self.obstacles.shape, dtype=np.uint8)
+        occupied[self.positions[:, 1], self.positions[:, 0]] = 1
         chosen = np.asarray(robots, dtype=np.int64)
         world = np.zeros(len(chosen), dtype=np.int64)
-        grids = pad(self.obstacles[None], 1), pad(there[None], 0)
+        grids = pad(self.obstacles[None], 1), pad(occupied[None], 0)
         return field_of_view(*grids, world, self.positions[chosen], self.goals[chosen])
 
 
 @dataclass(frozen=True)
 class TickOutcome:
-    """What became of one robot in a tick, as the world says, and its random stream."""
+    """What the World message after a tick says of one robot."""
 
     silent: bool
-    #: Messages in range that it did not hear.
+    #: Messages in range that it did not receive.
     missing: int
     #: The primitive that it drew.
     action: int
-    stream: int
 
 
 @dataclass(frozen=True)
 class RobotTick:
-    """What one robot was told and sent, and what it answered, in one tick."""
+    """The messages to and from one robot in one tick, as far as they are known."""
 
     #: ``[3, 11, 11]`` uint8.
-    view: Uint8Array
-    #: How many messages it could hear.
+    field_of_view: Uint8Array
+    #: Number of messages that it could receive in each round.
     audible: int
-    #: Those of the first round, as they came; None if not all of them are known.
+    #: Its random stream, from the observation.
+    stream: int
+    #: The messages of the first round, in any order; None if not all of them are known.
     payloads: Sequence[bytes] | None
-    #: Of them, one of `ENCODINGS`; that of the policy if it is another word.
+    #: Their encoding; that of the policy is assumed if it is none of `ENCODINGS`.
     encoding: str
-    #: Its `Preference`; None if it was silent, or nobody listened.
+    #: Its `Preference`; None if it was silent, or the page did not subscribe to preferences.
     preference: Any = None
-    #: To go by where that is not there because nobody listened.
-    fate: TickOutcome | None = None
+    #: Used where there is no preference; None if it is not known.
+    outcome: TickOutcome | None = None
 
 
 @dataclass(frozen=True)
-class _Reconstruction:
-    """What is known of a robot's deciding."""
+class Neighbour:
+    """A robot in range of the chosen one."""
 
-    #: Why no attention is known.
-    why: str
+    robot: int
+    #: By head, in the first round; None if the chosen robot did not receive its message, or that is not known.
+    attention: list[float] | None
+
+
+@dataclass(frozen=True)
+class RobotDetail:
+    """All that the page shows of the chosen robot. The browser gets it as JSON, with the same names."""
+
+    robot: int
+    tick: int
+    #: For each channel 121 digits, row by row from the lowest y.
+    field_of_view: list[str]
+    #: Of the five primitives; None if they are not known.
+    probabilities: list[float] | None
+    #: The primitive that it drew; None if that is not known.
+    action: int | None
+    #: Messages that it could receive and did receive (None if that is not known).
+    audible: int
+    heard: int | None
+    neighbours: list[Neighbour]
+    #: Why there is no attention; empty if there is.
+    no_attention: str
+
+
+@dataclass(frozen=True)
+class _Decision:
+    """What is known of a robot's decision."""
+
+    no_attention: str
     probabilities: list[float] | None = None
-    primitive: int | None = None
+    action: int | None = None
     heard: int | None = None
-    #: By neighbour and head.
+    #: By neighbour, then by head.
     attention: dict[int, list[float]] = field(default_factory=dict)
 
 
-def detail(robot: int, moment: TeamSnapshot, said: RobotTick, policy: "Policy | str") -> dict[str, Any]:
-    """All that is shown of ``robot`` at ``moment``.
+def robot_detail(robot: int, snapshot: TeamSnapshot, messages: RobotTick, policy: "Policy | str") -> RobotDetail:
+    """What the page shows of ``robot``.
 
     Args:
         robot: its number.
-        moment: where all robots were.
-        said: to it, and by it.
-        policy: the one that it carries, or why that is not known.
-
-    Returns:
-        ``view``: for each channel a text of 121 digits; ``probabilities``: of the five primitives, None if it was
-        silent, or nothing can be said; ``neighbours``: who is in range, with ``attention`` (by head; None if that robot
-        was not heard, or nothing can be said), and ``why`` nothing can be said.
+        snapshot: the team at the start of the tick.
+        messages: to and from the robot.
+        policy: of the robot, or the reason why it is not known.
     """
-    near = _near(robot, moment.positions)
-    if said.preference is None and said.fate is not None:
-        mind = _followed(moment, near, said, said.fate, policy)
+    in_range = _in_range(robot, snapshot.positions)
+    if messages.preference is None and messages.outcome is not None:
+        decision = _from_world(snapshot, in_range, messages, messages.outcome, policy)
     else:
-        attention, why = _attention(moment, near, said, policy)
-        mind = _Reconstruction(why, attention=attention)
-        if (wish := said.preference) is not None:
-            mind = _Reconstruction(
-                why, _probabilities(wish.log_probabilities), int(wish.primitive), int(wish.heard), attention
-            )
-    return {
-        "kind": "detail",
-        "robot": robot,
-        "tick": moment.tick,
-        "view": ["".join(map(str, channel.ravel().tolist())) for channel in said.view],
-        "probabilities": mind.probabilities,
-        "primitive": mind.primitive,
-        "audible": said.audible,
-        "heard": mind.heard,
-        "neighbours": [{"robot": other, "attention": mind.attention.get(other)} for other in near],
-        "why": mind.why,
-    }
+        decision = _from_messages(snapshot, in_range, messages, policy)
+    return RobotDetail(
+        robot=robot,
+        tick=snapshot.tick,
+        field_of_view=["".join(map(str, channel.ravel().tolist())) for channel in messages.field_of_view],
+        probabilities=decision.probabilities,
+        action=decision.action,
+        audible=messages.audible,
+        heard=decision.heard,
+        neighbours=[Neighbour(other, decision.attention.get(other)) for other in in_range],
+        no_attention=decision.no_attention,
+    )
 
 
-def _followed(
-    moment: TeamSnapshot, near: list[int], said: RobotTick, fate: TickOutcome, policy: "Policy | str"
-) -> _Reconstruction:
-    """What a robot must have state that heard all of ``near`` in a tick of at most one round; else nothing."""
-    if fate.silent:
-        return _Reconstruction("it did not answer")
-    if why := _unknowable(moment, policy):
-        return _Reconstruction(why, primitive=fate.action)
+def _from_world(
+    snapshot: TeamSnapshot, in_range: list[int], messages: RobotTick, outcome: TickOutcome, policy: "Policy | str"
+) -> _Decision:
+    """The decision of a robot that received all messages in range, in a tick of one round; otherwise almost nothing."""
+    if outcome.silent:
+        return _Decision(SILENT)
+    if reason := _not_computable(snapshot, policy):
+        return _Decision(reason, action=outcome.action)
     assert not isinstance(policy, str)
-    unheard = _Reconstruction(UNHEARD, primitive=fate.action)
-    if policy.rounds > 1 or fate.missing or said.audible != len(near):
-        return unheard
-    own = policy.perceive(said.view[None])
-    attention, why = {}, _no_attention(policy)
-    messages, present = _messages(_spoken(moment, near, policy), _encoding(said, policy))
-    if policy.config.communicates:
-        attention = _by_neighbour(policy, own, messages, present, near)
-    own = policy.hear(own, messages, present)
-    decision = policy.decide(own, np.array([fate.stream], dtype=np.uint64), moment.tick)
-    if decision.primitives[0] != fate.action:
-        return unheard
-    return _Reconstruction(why, _probabilities(decision.log_probabilities[0]), fate.action, said.audible, attention)
+    unknown = _Decision(RECEIVED_UNKNOWN, action=outcome.action)
+    if policy.rounds > 1 or outcome.missing or messages.audible != len(in_range):
+        return unknown
+    latent = policy.perceive(messages.field_of_view[None])
+    received = payload.round_trip(_sent(snapshot, in_range, policy), _encoding(messages, policy))
+    attention = _by_neighbour(policy, latent, received, in_range)
+    latent = policy.hear(latent, received[None], np.ones((1, len(received)), dtype=bool))
+    decision = policy.decide(latent, np.array([messages.stream], dtype=np.uint64), snapshot.tick)
+    if decision.primitives[0] != outcome.action:
+        return unknown
+    probabilities = _probabilities(decision.log_probabilities[0])
+    return _Decision(_no_attention(policy), probabilities, outcome.action, messages.audible, attention)
 
 
-def _probabilities(logarithms: Any) -> list[float]:
-    """From 0 to 1, whatever a robot says: JSON has no other numbers."""
-    return np.nan_to_num(np.exp(np.minimum(np.asarray(logarithms, dtype=np.float64), 0.0))).round(4).tolist()
-
-
-def _near(robot: int, positions: IntArray) -> list[int]:
-    row = neighbours(np.zeros(len(positions), dtype=np.int64), positions)[robot]
-    return row[row >= 0].tolist()
+def _from_messages(
+    snapshot: TeamSnapshot, in_range: list[int], messages: RobotTick, policy: "Policy | str"
+) -> _Decision:
+    """The decision of a robot by its own preference, and its attention by the messages that it received."""
+    attention, no_attention = _attention(snapshot, in_range, messages, policy)
+    preference = messages.preference
+    if preference is None:
+        return _Decision(no_attention, attention=attention)
+    probabilities = _probabilities(preference.log_probabilities)
+    return _Decision(no_attention, probabilities, int(preference.primitive), int(preference.heard), attention)
 
 
 def _attention(
-    moment: TeamSnapshot, near: list[int], said: RobotTick, policy: "Policy | str"
+    snapshot: TeamSnapshot, in_range: list[int], messages: RobotTick, policy: "Policy | str"
 ) -> tuple[dict[int, list[float]], str]:
-    """How much the robot listened to those of ``near`` that it heard, by head; and why nothing is known of it."""
-    if why := _unknowable(moment, policy):
-        return {}, why
+    """Attention by neighbour and head, and why there is none (empty if there is)."""
+    if reason := _not_computable(snapshot, policy):
+        return {}, reason
     assert not isinstance(policy, str)
     if not policy.config.communicates:
         return {}, _no_attention(policy)
-    nothing = said.payloads is not None and not said.payloads
-    if not near or not said.audible or nothing:
+    nothing_received = messages.payloads is not None and not messages.payloads
+    if not in_range or not messages.audible or nothing_received:
         return {}, ""
-    if said.payloads is None:
-        return {}, "it did not answer" if said.preference is None else UNHEARD
-    encoding = _encoding(said, policy)
-    left, heard, spoken = Counter(said.payloads), [], _spoken(moment, near, policy)
-    for place, values in enumerate(spoken):
+    if messages.payloads is None:
+        return {}, SILENT if messages.preference is None else RECEIVED_UNKNOWN
+    encoding, sent = _encoding(messages, policy), _sent(snapshot, in_range, policy)
+    remaining, places = Counter(messages.payloads), []
+    for place, values in enumerate(sent):
         data = payload.encode(values, encoding)
-        if left[data] > 0:
-            left[data] -= 1
-            heard.append(place)
-    if left.total():
-        return {}, f"what it heard is not what {policy.config.name} says: do the robots carry another policy?"
-    messages, present = _messages(spoken[heard], encoding)
-    return _by_neighbour(policy, policy.perceive(said.view[None]), messages, present, [near[at] for at in heard]), ""
+        if remaining[data] > 0:
+            remaining[data] -= 1
+            places.append(place)
+    if remaining.total():
+        return {}, f"the robot received messages that {policy.config.name} does not send: is it the robots' policy?"
+    received = payload.round_trip(sent[places], encoding)
+    latent = policy.perceive(messages.field_of_view[None])
+    return _by_neighbour(policy, latent, received, [in_range[place] for place in places]), ""
 
 
-def _unknowable(moment: TeamSnapshot, policy: "Policy | str") -> str:
-    """Why nothing can be computed again; nothing if it can."""
+def _by_neighbour(
+    policy: "Policy", latent: "LatentState", received: npt.NDArray[np.float32], senders: list[int]
+) -> dict[int, list[float]]:
+    """The attention to the messages ``received`` (``[M, n]``) from ``senders``, by sender and head."""
+    if not policy.config.communicates:
+        return {}
+    weights = policy.attention(latent, received[None], np.ones((1, len(received)), dtype=bool))[0]
+    return {sender: weights[:, place].round(4).tolist() for place, sender in enumerate(senders)}
+
+
+def _not_computable(snapshot: TeamSnapshot, policy: "Policy | str") -> str:
+    """Why nothing can be computed; empty if it can."""
     if isinstance(policy, str):
         return policy
-    return "" if moment.obstacles is not None else "the map is not known before the next episode begins"
+    return "" if snapshot.obstacles is not None else "the map is not known until the next episode starts"
 
 
 def _no_attention(policy: "Policy") -> str:
@@ -211,23 +246,21 @@ def _no_attention(policy: "Policy") -> str:
     return "" if policy.config.communicates else f"robots with {policy.config.name} and K = 1 do not communicate"
 
 
-def _encoding(said: RobotTick, policy: "Policy") -> str:
-    return said.encoding if said.encoding in ENCODINGS else policy.config.encoding
+def _encoding(messages: RobotTick, policy: "Policy") -> str:
+    return messages.encoding if messages.encoding in ENCODINGS else policy.config.encoding
 
 
-def _spoken(moment: TeamSnapshot, near: list[int], policy: "Policy") -> npt.NDArray[np.float32]:
-    """``[len(near), n]`` what those must have said in the first round."""
-    return policy.perceive(moment.views(near)).messages
+def _sent(snapshot: TeamSnapshot, robots: list[int], policy: "Policy") -> npt.NDArray[np.float32]:
+    """``[len(robots), n]`` what ``robots`` sent in the first round, before it was encoded."""
+    return policy.perceive(snapshot.fields_of_view(robots)).messages
 
 
-def _messages(spoken: npt.NDArray[np.float32], encoding: str) -> tuple[npt.NDArray[np.float32], BoolArray]:
-    """What one robot hears of it, as `Policy.hear` takes it."""
-    return payload.carried(spoken, encoding)[None], np.ones((1, len(spoken)), dtype=bool)
+def _probabilities(log_probabilities: Any) -> list[float]:
+    """Probabilities from 0 to 1, even if a robot sends NaN or infinities, which JSON does not have."""
+    values = np.minimum(np.asarray(log_probabilities, dtype=np.float64), 0.0)
+    return np.nan_to_num(np.exp(values)).round(4).tolist()
 
 
-def _by_neighbour(
-    policy: "Policy", own: "LatentState", messages: npt.NDArray[np.float32], present: BoolArray, heard: list[int]
-) -> dict[int, list[float]]:
-    """The attention to each of ``heard``, by head."""
-    weights = policy.attention(own, messages, present)[0]
-    return {other: weights[:, column].round(4).tolist() for column, other in enumerate(heard)}
+def _in_range(robot: int, positions: IntArray) -> list[int]:
+    row = neighbours(np.zeros(len(positions), dtype=np.int64), positions)[robot]
+    return row[row >= 0].tolist()

@@ -1,4 +1,4 @@
-"""A team that runs, from its topics: one that any tool may listen to, and says nothing itself."""
+"""A running team as a source for the page: subscribes to its topics, and publishes nothing."""
 
 import threading
 import time
@@ -19,41 +19,42 @@ from rclpy.subscription import Subscription
 from magat_interfaces.msg import Feature, FeatureBundle, Observation, Preference, RobotStatus, World
 from magat_node import cdr, qos
 from magat_robot.policy.config import OBSERVATION_SHAPE, ModelError
-from magat_viewer.detail import RobotTick, TeamSnapshot, TickOutcome, detail
-from magat_viewer.health import Health
-from magat_viewer.watched_episode import WatchedEpisode
+from magat_viewer.detail import RobotDetail, RobotTick, TeamSnapshot, TickOutcome, robot_detail
+from magat_viewer.health import HealthReport, TeamHealth
+from magat_viewer.watched_episode import EpisodeResult, Scene, WatchedEpisode
 from magat_viewer.world_check import fault
 
 if TYPE_CHECKING:
     from magat_robot.policy.policy import Policy
 
-#: Why a policy is not known yet, but will be in a moment.
-_UNSAID, _LOADING = "no robot has said yet which policy it carries", "the policy is being loaded"
+#: Why a policy is not known yet; both last a moment.
+_NO_STATUS, _LOADING = "no robot has reported its policy yet", "the policy is being loaded"
 #: Episodes whose results are kept.
 _RESULTS = 50
-#: Ticks of which is kept what was said, while a robot is looked at: more than pass between two looks.
+#: Ticks whose messages are kept while a robot is chosen: more than pass between two looks at it.
 _TICKS = 32
-#: Frames that are kept for browsers: those of a thirtieth of a second of a team that makes 480 ticks in one.
+#: Frames that are kept for browsers: those of 1/30 s (`magat_viewer.server.PERIOD`) at 480 ticks/s.
 _FRAMES = 16
-#: Messages that the middleware keeps until the next look: a thirtieth of a second of any team that one machine runs.
+#: Messages that the middleware queues between two polls: those of 1/30 s of any team that one machine runs.
 _DEPTH, _SHARED_DEPTH = 100, 2000
 
 
 @dataclass
-class _Ear:
-    """What is heard of one robot that people look at."""
+class _ChosenRobot:
+    """The topics of a robot that browsers look at."""
 
+    #: Of its observations and, if the radio is relayed and they are needed, its bundles.
     subscriptions: list[Subscription]
-    #: The newest, as they came.
+    #: The newest messages, serialised.
     observations: deque[bytes] = field(default_factory=lambda: deque(maxlen=_TICKS))
     bundles: deque[bytes] = field(default_factory=lambda: deque(maxlen=_TICKS))
 
 
 class LiveTeam:
-    """The team of a namespace, a `Source`. No robot and no simulator notices whether anybody looks.
+    """The team of a namespace as a `magat_viewer.source.Source`.
 
-    Worlds and statuses are heard always; what robots are told, only while people look at them; and what robots say and
-    answer, only while that is needed to know what those state (see `magat_viewer.detail`).
+    It always subscribes to worlds and statuses, to the observations of chosen robots, and to features and preferences
+    only while the world alone does not tell what these robots received (see `magat_viewer.detail`).
     """
 
     live = True
@@ -61,113 +62,116 @@ class LiveTeam:
     def __init__(
         self, context: Context, find_policy: Callable[[str], Path | None], namespace: str | None = None
     ) -> None:
-        """Listen.
+        """Subscribe to the team.
 
         Args:
             context: of ROS.
-            find_policy: the folder of the policy whose weights have a digest; None if there is none.
+            find_policy: returns the folder of the policy with a given digest; None if there is none.
             namespace: of the team; that of the command line if None.
         """
-        # Messages are taken when they are needed: an executor would call back for each, at twice the cost.
+        # No executor spins this node: `poll` takes the messages, at half the cost of a callback for each.
         self.node: Node = rclpy.create_node(
             "viewer", context=context, namespace=namespace, start_parameter_services=False
         )
         self._find_policy = find_policy
         self.title = f"team {self.node.get_namespace()}, live"
-        self._world = self._listen(World, "world", qos.reliable(_DEPTH))
-        self._status = self._listen(RobotStatus, "robot_status", qos.reliable(_SHARED_DEPTH))
-        self._talk: list[Subscription] = []
-        #: Whether what robots say and answer has to be heard, to know what the chosen ones state.
-        self._closely = False
-        self._ears: dict[str, _Ear] = {}
-        self._said: deque[bytes] = deque()
-        self._wished: deque[bytes] = deque()
+        self._world = self._subscribe(World, "world", qos.reliable(_DEPTH))
+        self._status = self._subscribe(RobotStatus, "robot_status", qos.reliable(_SHARED_DEPTH))
+        #: Preferences and, if the radio is direct, features; empty while they are not needed.
+        self._shared: list[Subscription] = []
+        #: Whether features and preferences are needed to know what the chosen robots received.
+        self._needs_messages = False
+        self._chosen: dict[str, _ChosenRobot] = {}
+        self._preferences: deque[bytes] = deque()
+        self._features: deque[bytes] = deque()
         self._worlds: deque[World] = deque(maxlen=_TICKS)
         self._frames: deque[tuple[int, bytes]] = deque(maxlen=_FRAMES)
         self._episode: WatchedEpisode | None = None
-        self._results: list[dict[str, Any]] = []
-        self._health = Health()
+        self._results: list[EpisodeResult] = []
+        self._health = TeamHealth()
         self._policies: dict[str, Policy | str] = {}
 
-    def _listen(self, kind: type, name: str, profile: QoSProfile) -> Subscription:
+    def _subscribe(self, kind: type, name: str, profile: QoSProfile) -> Subscription:
         return self.node.create_subscription(kind, name, lambda _: None, profile)
 
     def destroy(self) -> None:
-        """Listen no longer."""
+        """End all subscriptions."""
         self.node.destroy_node()
 
     # --- Source ---
 
     def poll(self, chosen: Collection[int]) -> None:
-        """Take what has come."""
+        """Take the messages that have arrived."""
         now = time.monotonic()
-        # Worlds first: what led to one has come before it.
-        for world in _taken(self._world, World):
-            self._step(world)
-        for status in _taken(self._status, RobotStatus):
-            self._health.reported(status, now)
+        # Worlds first: the messages that led to a world have arrived before it.
+        for world in _take(self._world, World):
+            self._add_world(world)
+        for status in _take(self._status, RobotStatus):
+            self._health.add_status(status, now)
         if self._episode is not None:
             robots = self._episode.robots
-            self._choose(robots, {robots[number] for number in chosen if number < len(robots)})
-        for subscription, kept in zip(self._talk, (self._wished, self._said), strict=False):
-            kept.extend(_raw(subscription))
-        for ear in self._ears.values():
-            observations, *bundles = ear.subscriptions
-            ear.observations.extend(_raw(observations))
+            self._update_subscriptions(robots, {robots[number] for number in chosen if number < len(robots)})
+        for subscription, kept in zip(self._shared, (self._preferences, self._features), strict=False):
+            kept.extend(_take_serialised(subscription))
+        for robot in self._chosen.values():
+            observations, *bundles = robot.subscriptions
+            robot.observations.extend(_take_serialised(observations))
             for subscription in bundles:
-                ear.bundles.extend(_raw(subscription))
+                robot.bundles.extend(_take_serialised(subscription))
 
     @property
     def newest(self) -> int:
         """Number of the newest episode; -1 before the first one."""
         return -1 if self._episode is None else self._episode.number
 
-    def results(self) -> list[dict[str, Any]]:
-        """Of the last episodes, and the one that runs."""
+    def results(self) -> list[EpisodeResult]:
+        """The results of the last episodes, including the running one."""
         return self._results
 
-    def scene(self, episode: int) -> dict[str, Any]:
-        """What stays of the newest episode."""
+    def scene(self, episode: int) -> Scene:
+        """What does not change during the newest episode."""
         assert self._episode is not None
         return self._episode.scene()
 
     def frames(self, episode: int, after: int) -> tuple[int, bytes]:
-        """The newest few: who is slower than the ticks misses some, and is never behind."""
+        """The newest frames only: a browser that is slower than the ticks skips some, and never falls behind."""
         assert self._episode is not None
         return self._episode.tick, b"".join(frame for tick, frame in self._frames if tick > after)
 
-    def health(self, episode: int) -> dict[str, Any]:
-        """How the processes of the team are, now."""
+    def health(self, episode: int) -> HealthReport:
+        """The health of the team's processes now."""
         assert self._episode is not None
         return self._health.report(self._episode.robots, self._episode.silences.tolist(), time.monotonic())
 
-    def detail(self, episode: int, tick: int, robot: int) -> dict[str, Any] | None:
-        """Of the newest tick that is over and was heard; None before one is."""
-        state = self._episode
-        if state is None or robot >= len(state.robots) or (name := state.robots[robot]) not in self._ears:
+    def detail(self, episode: int, tick: int, robot: int) -> RobotDetail | None:
+        """The detail of a chosen robot at the newest tick that is over and whose messages are known; else None."""
+        watched = self._episode
+        if watched is None or robot >= len(watched.robots) or (name := watched.robots[robot]) not in self._chosen:
             return None
         worlds = {world.tick: world for world in self._worlds}
-        for data in reversed(self._ears[name].observations):
-            told = deserialize_message(data, Observation)
-            if told.episode == state.id and told.tick in worlds and told.tick + 1 in worlds and _usable(told):
-                world, after = worlds[told.tick], worlds[told.tick + 1]
-                positions = np.stack([world.x, world.y], axis=1).astype(np.int64)
-                moment = TeamSnapshot(told.tick, positions, state.goals, state.obstacles)
-                fate = TickOutcome(after.silent[robot], after.missing[robot], after.action[robot], told.stream)
-                found = detail(robot, moment, self._heard(name, told, fate), self._policy(name))
-                soon = found["why"] in (_UNSAID, _LOADING)
-                self._closely |= found["probabilities"] is None and not fate.silent and not soon
-                return found
+        for data in reversed(self._chosen[name].observations):
+            observation = deserialize_message(data, Observation)
+            at = observation.tick
+            if observation.episode != watched.id or not {at, at + 1} <= worlds.keys() or not _valid(observation):
+                continue
+            world, after = worlds[at], worlds[at + 1]
+            positions = np.stack([world.x, world.y], axis=1).astype(np.int64)
+            snapshot = TeamSnapshot(at, positions, watched.goals, watched.obstacles)
+            outcome = TickOutcome(after.silent[robot], after.missing[robot], after.action[robot])
+            found = robot_detail(robot, snapshot, self._robot_tick(name, observation, outcome), self._policy(name))
+            temporary = found.no_attention in (_NO_STATUS, _LOADING)
+            self._needs_messages |= found.probabilities is None and not outcome.silent and not temporary
+            return found
         return None
 
     # --- Topics ---
 
-    def _step(self, world: World) -> None:
+    def _add_world(self, world: World) -> None:
         if fault(world) is not None:
             return
         if self._episode is None or not self._episode.holds(world):
-            # Without a map nothing can be computed again, and this one brings its own.
-            self._closely &= self._episode is not None and self._episode.obstacles is not None
+            # Without a map, messages were needed. The new episode has one.
+            self._needs_messages &= self._episode is not None and self._episode.obstacles is not None
             self._episode = WatchedEpisode(self.newest + 1, world)
             self._worlds.clear()
             self._frames.clear()
@@ -179,70 +183,83 @@ class LiveTeam:
         if self._episode.ended:
             self._results = [*self._results[:-1], self._episode.result()]
 
-    def _choose(self, robots: list[str], chosen: set[str]) -> None:
-        """Listen to what those of ``robots`` are told, and to what all say and answer if it has to be."""
+    def _update_subscriptions(self, robots: list[str], chosen: set[str]) -> None:
+        """Subscribe to the observations of ``chosen`` and, if needed, to the features and preferences of ``robots``."""
         status = self._health.status_of(robots[0])
         relayed = status is not None and status.radio == "relayed"
-        self._closely &= bool(chosen)
-        for name in self._ears.keys() - chosen:
-            for subscription in self._ears.pop(name).subscriptions:
-                self.node.destroy_subscription(subscription)
-        for name in chosen - self._ears.keys():
-            self._ears[name] = _Ear([self._listen(Observation, f"{name}/observation", qos.newest(_DEPTH))])
-        if self._closely and relayed:
-            for name, ear in self._ears.items():
-                if len(ear.subscriptions) == 1:
-                    ear.subscriptions.append(self._listen(FeatureBundle, f"{name}/heard", qos.newest(_DEPTH)))
-        if self._closely and not self._talk:
+        self._needs_messages &= bool(chosen)
+        for name in self._chosen.keys() - chosen:
+            self._unsubscribe(self._chosen.pop(name).subscriptions)
+        for name in chosen - self._chosen.keys():
+            self._chosen[name] = _ChosenRobot([self._subscribe(Observation, f"{name}/observation", qos.newest(_DEPTH))])
+        if self._needs_messages and relayed:
+            for name, robot in self._chosen.items():
+                if len(robot.subscriptions) == 1:
+                    robot.subscriptions.append(self._subscribe(FeatureBundle, f"{name}/heard", qos.newest(_DEPTH)))
+        if self._needs_messages and not self._shared:
             most = _TICKS * len(robots)
-            self._wished, self._said = deque(maxlen=most), deque(maxlen=most)
-            self._talk = [self._listen(Preference, "preference", qos.newest(_SHARED_DEPTH))]
+            self._preferences, self._features = deque(maxlen=most), deque(maxlen=most)
+            self._shared = [self._subscribe(Preference, "preference", qos.newest(_SHARED_DEPTH))]
             if not relayed:
-                self._talk.append(self._listen(Feature, "feature", qos.newest(_SHARED_DEPTH)))
-        elif not self._closely and self._talk:
-            bundles = [ear.subscriptions.pop() for ear in self._ears.values() if len(ear.subscriptions) > 1]
-            for subscription in (*self._talk, *bundles):
-                self.node.destroy_subscription(subscription)
-            self._talk = []
+                self._shared.append(self._subscribe(Feature, "feature", qos.newest(_SHARED_DEPTH)))
+        elif not self._needs_messages and self._shared:
+            bundles = [robot.subscriptions.pop() for robot in self._chosen.values() if len(robot.subscriptions) > 1]
+            self._unsubscribe([*self._shared, *bundles])
+            self._shared = []
 
-    def _heard(self, robot: str, told: Observation, fate: TickOutcome) -> RobotTick:
-        """What one robot heard in the first round of a tick, and what it answered, as far as it is listened to."""
-        at, audible = (told.episode, told.tick, 0), set(told.audible_tags)
-        ear, status = self._ears[robot], self._health.status_of(robot)
+    def _unsubscribe(self, subscriptions: list[Subscription]) -> None:
+        for subscription in subscriptions:
+            self.node.destroy_subscription(subscription)
+
+    def _robot_tick(self, name: str, observation: Observation, outcome: TickOutcome) -> RobotTick:
+        """The messages to and from a chosen robot in the first round of a tick, as far as they are known."""
+        key, audible = (observation.episode, observation.tick, 0), set(observation.audible_tags)
         by_tag = {
             feature.tag: feature.payload
-            for feature in map(cdr.unpack_feature, self._said)
-            if feature is not None and feature[:3] == at and feature.tag in audible
+            for feature in map(cdr.unpack_feature, self._features)
+            if feature is not None and feature[:3] == key and feature.tag in audible
         }
         payloads = list(by_tag.values())
-        for bundle in map(cdr.unpack_bundle, ear.bundles):
-            if bundle is not None and bundle[:3] == at and bundle.messages:
-                size = len(bundle.payloads) // bundle.messages
-                payloads = [bundle.payloads[size * i : size * (i + 1)] for i in range(bundle.messages)]
-        answer = self._answer(told)
-        all_came = answer is not None and len(payloads) >= answer.heard
-        view = np.frombuffer(told.field_of_view, dtype=np.uint8).reshape(OBSERVATION_SHAPE)
-        encoding = status.encoding if status else ""
-        return RobotTick(view, len(audible), payloads if all_came else None, encoding, answer, fate)
+        for bundle in map(cdr.unpack_bundle, self._chosen[name].bundles):
+            if bundle is not None and bundle[:3] == key and bundle.messages:
+                payloads = bundle.split()
+        preference = self._preference(observation)
+        complete = preference is not None and len(payloads) >= preference.heard
+        status = self._health.status_of(name)
+        return RobotTick(
+            field_of_view=np.frombuffer(observation.field_of_view, dtype=np.uint8).reshape(OBSERVATION_SHAPE),
+            audible=len(audible),
+            stream=observation.stream,
+            payloads=payloads if complete else None,
+            encoding=status.encoding if status else "",
+            preference=preference,
+            outcome=outcome,
+        )
 
-    def _answer(self, told: Observation) -> Preference | None:
-        """The preference under the tag of an observation; only messages that hold its bytes are made objects of."""
-        tag = told.own_tag.to_bytes(8, "little")
-        for data in self._wished:
+    def _preference(self, observation: Observation) -> Preference | None:
+        """The preference with the tag of an observation; only messages that contain its bytes are deserialised."""
+        tag = observation.own_tag.to_bytes(8, "little")
+        for data in self._preferences:
             if tag in data:
-                wish = deserialize_message(data, Preference)
-                if (wish.episode, wish.tick, wish.tag) == (told.episode, told.tick, told.own_tag):
-                    return wish
+                found = deserialize_message(data, Preference)
+                if (found.episode, found.tick, found.tag) == (
+                    observation.episode,
+                    observation.tick,
+                    observation.own_tag,
+                ):
+                    return found
         return None
 
+    # --- Policies ---
+
     def _policy(self, robot: str) -> "Policy | str":
-        """The policy that ``robot`` carries, or why it is not known (yet)."""
+        """The policy of ``robot``, or the reason why it is not known (yet)."""
         status = self._health.status_of(robot)
         if status is None:
-            return _UNSAID
+            return _NO_STATUS
         if status.digest not in self._policies:
             self._policies[status.digest] = _LOADING
-            # It takes seconds, torch's import most of them, in which the page goes on.
+            # Loading takes seconds, most of them for the import of torch. The page goes on meanwhile.
             threading.Thread(target=self._load, args=(status,), daemon=True).start()
         return self._policies[status.digest]
 
@@ -251,7 +268,7 @@ class LiveTeam:
 
         from magat_robot.policy.store import load
 
-        torch.set_num_threads(1)  # what one robot computes is small: threads would only wait for each other
+        torch.set_num_threads(1)  # one robot's network is small: more threads would only wait for each other
         folder = self._find_policy(status.digest)
         try:
             self._policies[status.digest] = (
@@ -263,19 +280,19 @@ class LiveTeam:
             self._policies[status.digest] = str(error)
 
 
-def _usable(told: Observation) -> bool:
-    """Not a hello, nor damaged."""
-    view = np.frombuffer(told.field_of_view, dtype=np.uint8)
-    return told.tick != Observation.HELLO and view.size == np.prod(OBSERVATION_SHAPE) and bool((view <= 1).all())
+def _valid(observation: Observation) -> bool:
+    """Whether it is a robot's observation in a tick: neither a hello nor damaged."""
+    view = np.frombuffer(observation.field_of_view, dtype=np.uint8)
+    return observation.tick != Observation.HELLO and view.size == np.prod(OBSERVATION_SHAPE) and bool((view <= 1).all())
 
 
-def _taken(subscription: Subscription, kind: type) -> list[Any]:
-    """The messages that have come."""
-    return [deserialize_message(data, kind) for data in _raw(subscription)]
+def _take(subscription: Subscription, kind: type) -> list[Any]:
+    """The messages that have arrived."""
+    return [deserialize_message(data, kind) for data in _take_serialised(subscription)]
 
 
-def _raw(subscription: Subscription) -> list[bytes]:
-    """The same as they came over the wire."""
+def _take_serialised(subscription: Subscription) -> list[bytes]:
+    """The messages that have arrived, serialised."""
     found, handle = [], subscription.handle
     with handle:
         while (taken := handle.take_message(subscription.msg_type, True)) is not None:

@@ -1,95 +1,96 @@
-"""A recording, as the page shows it. Free of ROS."""
+"""A recorded team as a source for the page. Free of ROS."""
 
 from collections.abc import Collection
-from typing import Any
 
 import numpy as np
 
 from magat_recording.tables import RecordedEpisode, TeamRecording
 from magat_robot.policy.config import ENCODING_NAMES, OBSERVATION_SHAPE
 from magat_robot.policy.policy import Policy
-from magat_viewer.detail import RobotTick, TeamSnapshot, detail
-from magat_viewer.health import Health
-from magat_viewer.watched_episode import WatchedEpisode
+from magat_viewer.detail import RobotDetail, RobotTick, TeamSnapshot, robot_detail
+from magat_viewer.health import HealthReport, TeamHealth
+from magat_viewer.watched_episode import EpisodeResult, Scene, WatchedEpisode
 
 
 class RecordedTeam:
-    """A recording, a `magat_viewer.source.Source`: all of an episode is there at once."""
+    """A recording as a `magat_viewer.source.Source`. All frames of an episode are sent at once."""
 
     live = False
 
     def __init__(self, recording: TeamRecording, policy: Policy | str, title: str) -> None:
-        """Show ``recording``, of robots that carry ``policy`` (or why that is not known)."""
+        """Show ``recording``; ``policy`` is that of the robots, or the reason why it is not known."""
         self.title = title
         self._recording, self._policy = recording, policy
-        self._health, self._end = Health(), 0.0
+        self._health, self._end = TeamHealth(), 0.0
         for message in recording.statuses:
             self._end = message.received / 1e9
-            self._health.reported(message.message, self._end)
-        self._states, self._frames = [], []
+            self._health.add_status(message.message, self._end)
+        self._watched: list[WatchedEpisode] = []
+        self._frames: list[bytes] = []
         for episode in recording.all_episodes:
             worlds = episode.log.worlds
-            state = WatchedEpisode(episode.number, worlds[0])
-            frames = [state.frame()]
+            watched = WatchedEpisode(episode.number, worlds[0])
+            frames = [watched.frame()]
             for tick in range(1, len(worlds)):
-                state.step(worlds[tick])
-                frames.append(state.frame())
-            self._states.append(state)
+                watched.step(worlds[tick])
+                frames.append(watched.frame())
+            self._watched.append(watched)
             self._frames.append(b"".join(frames))
-        self._results = [state.result() for state in self._states]
+        self._results = [watched.result() for watched in self._watched]
 
     def poll(self, chosen: Collection[int]) -> None:
-        """Nothing comes."""
+        """Do nothing: a recording does not change."""
 
     @property
     def newest(self) -> int:
         """Number of the last episode."""
-        return len(self._states) - 1
+        return len(self._watched) - 1
 
-    def results(self) -> list[dict[str, Any]]:
-        """Of all episodes."""
+    def results(self) -> list[EpisodeResult]:
+        """The results of all episodes."""
         return self._results
 
-    def scene(self, episode: int) -> dict[str, Any]:
-        """What stays of an episode."""
-        return self._states[episode].scene()
+    def scene(self, episode: int) -> Scene:
+        """What does not change during an episode."""
+        return self._watched[episode].scene()
 
     def frames(self, episode: int, after: int) -> tuple[int, bytes]:
-        """All frames, once."""
-        last = self._states[episode].tick
+        """The last tick, and all frames of an episode; no frames after the last tick."""
+        last = self._watched[episode].tick
         return last, self._frames[episode] if after < last else b""
 
-    def health(self, episode: int) -> dict[str, Any]:
-        """How the processes were at the end of the recording, and who was late in this episode."""
-        state = self._states[episode]
-        return self._health.report(state.robots, state.silences.tolist(), self._end)
+    def health(self, episode: int) -> HealthReport:
+        """The health at the end of the recording, with the silent robots of this episode."""
+        watched = self._watched[episode]
+        return self._health.report(watched.robots, watched.silences.tolist(), self._end)
 
-    def detail(self, episode: int, tick: int, robot: int) -> dict[str, Any] | None:
-        """What is in the bag of a robot at ``tick``."""
-        shown = self._recording.all_episodes[episode]
-        if tick >= self._states[episode].tick or robot >= len(self._recording.names):
+    def detail(self, episode: int, tick: int, robot: int) -> RobotDetail | None:
+        """The detail of a robot at ``tick``; None if the recording does not have its observation."""
+        shown, watched = self._recording.all_episodes[episode], self._watched[episode]
+        if tick >= watched.tick or robot >= len(self._recording.names):
             return None
-        said = heard_in(shown, tick, robot)
-        if said is None:
+        messages = recorded_tick(shown, tick, robot)
+        if messages is None:
             return None
-        state = self._states[episode]
-        moment = TeamSnapshot(tick, shown.log.positions[tick], state.goals, state.obstacles)
-        return detail(robot, moment, said, self._policy)
+        snapshot = TeamSnapshot(tick, shown.log.positions[tick], watched.goals, watched.obstacles)
+        return robot_detail(robot, snapshot, messages, self._policy)
 
 
-def heard_in(episode: RecordedEpisode, tick: int, robot: int) -> RobotTick | None:
-    """What one robot was told and heard, and what it answered; None if the bag does not have it."""
-    of_tick = episode.ticks[tick]
-    told = of_tick.observations.get(robot)
-    if told is None:
+def recorded_tick(episode: RecordedEpisode, tick: int, robot: int) -> RobotTick | None:
+    """The messages to and from one robot in one tick; None if the recording does not have its observation."""
+    messages = episode.ticks[tick]
+    received = messages.observations.get(robot)
+    if received is None:
         return None
-    tags = told.message.audible_tags
-    heard = [of_tick.features[tag, 0].message for tag in tags if (tag, 0) in of_tick.features]
-    wish = of_tick.preferences.get(told.message.own_tag)
+    observation = received.message
+    tags = observation.audible_tags
+    features = [messages.features[tag, 0].message for tag in tags if (tag, 0) in messages.features]
+    preference = messages.preferences.get(observation.own_tag)
     return RobotTick(
-        np.frombuffer(told.message.field_of_view, dtype=np.uint8).reshape(OBSERVATION_SHAPE),
-        len(tags),
-        [bytes(feature.payload) for feature in heard],
-        ENCODING_NAMES.get(heard[0].encoding, "") if heard else "",
-        None if wish is None else wish.message,
+        field_of_view=np.frombuffer(observation.field_of_view, dtype=np.uint8).reshape(OBSERVATION_SHAPE),
+        audible=len(tags),
+        stream=observation.stream,
+        payloads=[bytes(feature.payload) for feature in features],
+        encoding=ENCODING_NAMES.get(features[0].encoding, "") if features else "",
+        preference=None if preference is None else preference.message,
     )

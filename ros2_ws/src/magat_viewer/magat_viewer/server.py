@@ -1,14 +1,14 @@
-"""The page's server: a fixed list of files, and a WebSocket over which a browser follows a team. Free of ROS.
+"""The page's web server: a fixed list of files, and a WebSocket that streams a team to a browser. Free of ROS.
 
-Nothing but this machine reaches it, unless another address is given. Other pages that are open in the same browser do
-not either: requests have to name this server as their host, and as the origin of a WebSocket.
+Only this machine reaches it, unless another address is given. Pages of other sites in the same browser do not: requests
+must name this server as their host, and as the origin of a WebSocket.
 """
 
 import asyncio
 import json
 import socket
 import threading
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from importlib.resources import files
 from types import TracebackType
 from typing import Any, Self
@@ -17,13 +17,16 @@ from urllib.parse import urlsplit
 import psutil
 from aiohttp import WSMsgType, web
 
+from magat_node.plain import plain
 from magat_viewer.address import HOST, listen
+from magat_viewer.health import HealthReport
 from magat_viewer.source import Source
+from magat_viewer.watched_episode import EpisodeResult
 
-#: Seconds between two looks at the team: so often at most is anything sent to a browser; between two looks at the
-#: chosen robot, whose attention has to be computed; and at the health of all.
+#: Seconds between two messages to a browser, between two details of the chosen robot (whose attention has to be
+#: computed), and between two reports of the team's health.
 PERIOD, DETAIL_PERIOD, HEALTH_PERIOD = 1 / 30, 0.2, 1.0
-#: The page, and what each file is.
+#: The files of the page, and their types.
 _FILES = {
     "index.html": "text/html",
     "style.css": "text/css",
@@ -47,29 +50,29 @@ _HEADERS = {
 
 @dataclass(eq=False)
 class _Browser:
-    """What one browser wants to see, and what it has been sent."""
+    """What one browser shows, and what it has been sent."""
 
     chosen: int | None = None
     episode: int = 0
     tick: int = 0
-    #: Number of the scene, and last tick of the frames that were sent.
+    #: Number of the last scene, and tick of the last frame, that were sent.
     scene: int = -1
     frame: int = -1
-    results: list[dict[str, Any]] = field(default_factory=list)
-    health: dict[str, Any] = field(default_factory=dict)
+    results: list[EpisodeResult] = field(default_factory=list)
+    health: HealthReport | None = None
     health_at: float = float("-inf")
     detail: tuple[int, int, int] | None = None
     detail_at: float = float("-inf")
 
 
 class PageServer:
-    """Shows a team to browsers, in a ``with`` statement, from a thread of its own."""
+    """Serves a team to browsers, in a ``with`` statement, from its own thread."""
 
     def __init__(self, source: Source, host: str = HOST, port: int | None = None) -> None:
-        """Take a port.
+        """Open a port.
 
         Args:
-            source: the team. From now on only this server's thread calls it.
+            source: the team. After this, only the thread of the server calls it.
             host: name or address to listen on.
             port: TCP port; the first free one from 8300 on if None.
 
@@ -78,7 +81,7 @@ class PageServer:
         """
         self._source, self._host = source, host
         self._socket = listen(host, port)
-        #: That it listens on.
+        #: TCP port.
         self.port = int(self._socket.getsockname()[1])
         self._browsers: set[_Browser] = set()
         self._started, self._ended = threading.Event(), asyncio.Event()
@@ -87,7 +90,7 @@ class PageServer:
 
     @property
     def url(self) -> str:
-        """Of the page."""
+        """Address of the page."""
         return f"http://{f'[{self._host}]' if ':' in self._host else self._host}:{self.port}/"
 
     def __enter__(self) -> Self:
@@ -104,7 +107,7 @@ class PageServer:
         self._thread.join()
 
     def wait(self, seconds: float) -> None:
-        """Wait so long, or until something ends the server, and raise that."""
+        """Wait for ``seconds``; if an error ends the server meanwhile, raise it."""
         self._thread.join(seconds)
         if self._failure is not None:
             raise self._failure
@@ -136,19 +139,19 @@ class PageServer:
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Any) -> web.StreamResponse:
-        """Refuse who asks for another host, as pages of strangers do whose name leads here, or comes from elsewhere."""
+        """Refuse requests of other sites: another origin, or another host name that resolves to this address."""
         if _hostname(request.host) not in self._names:
-            return web.Response(status=403, text=f"{request.host} is not the name of this server\n")
+            return web.Response(status=403, text=f"this server has no name {request.host}\n")
         origin = request.headers.get("Origin")
         if origin is not None and origin != f"http://{request.host}":
-            return web.Response(status=403, text=f"pages of {origin} may not ask this server\n")
+            return web.Response(status=403, text=f"requests from pages of {origin} are refused\n")
         response = await handler(request)
         response.headers.update(_HEADERS)
         return response
 
     @property
     def _names(self) -> set[str]:
-        """By which this server may be called."""
+        """Names and addresses of this server."""
         if self._host in _LOOPBACK:
             return _LOOPBACK
         own = {one.address for addresses in psutil.net_if_addrs().values() for one in addresses}
@@ -162,53 +165,54 @@ class PageServer:
     # --- One browser ---
 
     async def _follow(self, request: web.Request) -> web.StreamResponse:
-        if "Origin" not in request.headers:  # every browser says it
-            return web.Response(status=403, text="only this server's own page may ask\n")
+        if "Origin" not in request.headers:  # every browser sends it
+            return web.Response(status=403, text="only the page of this server may connect\n")
         channel = web.WebSocketResponse(heartbeat=20.0, compress=False, max_msg_size=4096)
         await channel.prepare(request)
         browser = _Browser()
         self._browsers.add(browser)
-        telling = asyncio.create_task(self._tell(channel, browser))
-        telling.add_done_callback(self._told)
+        sending = asyncio.create_task(self._send(channel, browser))
+        sending.add_done_callback(self._sent)
         try:
             async for message in channel:
                 if message.type is not WSMsgType.TEXT or not _take(browser, message.data):
-                    await channel.close(code=1003, message=b"only known wishes are taken")
+                    await channel.close(code=1003, message=b"unknown request")
         finally:
             self._browsers.discard(browser)
-            telling.cancel()
+            sending.cancel()
         return channel
 
-    async def _tell(self, channel: web.WebSocketResponse, browser: _Browser) -> None:
-        """Send what is new, as long as the browser is there: what is newest then, however slow the browser is."""
+    async def _send(self, channel: web.WebSocketResponse, browser: _Browser) -> None:
+        """Send news until the browser is gone. A slow browser gets the newest state, never a queue."""
         source = self._source
-        await channel.send_json({"kind": "team", "live": source.live, "title": source.title})
+        await channel.send_str(_json("team", {"live": source.live, "title": source.title}))
         while not self._ended.is_set() and not channel.closed:
             for message in self._news(browser):
-                await (channel.send_bytes(message) if isinstance(message, bytes) else channel.send_json(message))
+                await (channel.send_bytes(message) if isinstance(message, bytes) else channel.send_str(message))
             await _wait(self._ended, PERIOD)
         await channel.close(code=1001)
 
-    def _told(self, telling: asyncio.Task[None]) -> None:
-        """A browser may be gone; whatever else keeps it from being told ends the server."""
-        error = None if telling.cancelled() else telling.exception()
+    def _sent(self, sending: asyncio.Task[None]) -> None:
+        """End the server on any error but a lost connection."""
+        error = None if sending.cancelled() else sending.exception()
         if error is not None and not isinstance(error, ConnectionError):
             self._failure = error
             self._ended.set()
 
-    def _news(self, browser: _Browser) -> list[dict[str, Any] | bytes]:
+    def _news(self, browser: _Browser) -> list[str | bytes]:
+        """The messages that a browser is to be sent now: texts of JSON, and frames."""
         source, now = self._source, self._loop.time()
-        news: list[dict[str, Any] | bytes] = []
+        news: list[str | bytes] = []
         if (results := source.results()) != browser.results:
             browser.results = results
-            news.append({"kind": "results", "episodes": results})
+            news.append(_json("results", {"episodes": [asdict(result) for result in results]}))
         episode = source.newest if source.live else min(browser.episode, source.newest)
         if episode < 0:
             return news
         if episode != browser.scene:
             browser.scene, browser.frame, browser.detail = episode, -1, None
             browser.health_at = float("-inf")
-            news.append(source.scene(episode))
+            news.append(_json("scene", asdict(source.scene(episode))))
         browser.frame, frames = source.frames(episode, browser.frame)
         if frames:
             news.append(frames)
@@ -216,20 +220,25 @@ class PageServer:
             browser.health_at = now
             if (health := source.health(episode)) != browser.health:
                 browser.health = health
-                news.append(health)
+                news.append(_json("health", asdict(health)))
         if browser.chosen is not None and now - browser.detail_at >= DETAIL_PERIOD:
-            wanted = (episode, browser.frame if source.live else browser.tick, browser.chosen)
-            if wanted != browser.detail and (detail := source.detail(*wanted)) is not None:
-                browser.detail, browser.detail_at = wanted, now
-                news.append(detail | {"episode": episode})
+            request = (episode, browser.frame if source.live else browser.tick, browser.chosen)
+            if request != browser.detail and (detail := source.detail(*request)) is not None:
+                browser.detail, browser.detail_at = request, now
+                news.append(_json("detail", asdict(detail) | {"episode": episode}))
         return news
+
+
+def _json(kind: str, values: dict[str, Any]) -> str:
+    """A message to a browser; numbers that JSON does not have become null."""
+    return json.dumps({"kind": kind} | plain(values), allow_nan=False)
 
 
 _LOOPBACK = {"127.0.0.1", "localhost", "::1"}
 
 
 def _hostname(host: str) -> str | None:
-    """Without its port; None if it is no host."""
+    """``host`` without its port; None if it is not valid."""
     try:
         return urlsplit(f"//{host}").hostname
     except ValueError:
@@ -237,26 +246,26 @@ def _hostname(host: str) -> str | None:
 
 
 def _take(browser: _Browser, text: str) -> bool:
-    """Note what a browser wants to see; False if that is nothing known."""
+    """Take a request of a browser: the robot, episode or tick that it shows; False if it is not valid."""
     try:
-        wishes = json.loads(text)
+        values = json.loads(text)
     except ValueError:
         return False
-    if not isinstance(wishes, dict) or not wishes.keys() <= {"chosen", "episode", "tick"}:
+    if not isinstance(values, dict) or not values.keys() <= {"chosen", "episode", "tick"}:
         return False
-    for name, value in wishes.items():
+    for name, value in values.items():
         number = type(value) is int and 0 <= value < 2**31
         if not number and not (name == "chosen" and value is None):
             return False
-    for name, value in wishes.items():
+    for name, value in values.items():
         setattr(browser, name, value)
-    if "chosen" in wishes:
+    if "chosen" in values:
         browser.detail = None
     return True
 
 
 async def _wait(event: asyncio.Event, seconds: float) -> None:
-    """At most so long for ``event``."""
+    """Wait for ``event``, at most ``seconds``."""
     try:
         await asyncio.wait_for(event.wait(), seconds)
     except TimeoutError:

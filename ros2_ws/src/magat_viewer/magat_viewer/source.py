@@ -1,38 +1,42 @@
-"""What the server asks of a team, whether it runs or was recorded."""
+"""The interface between the server and a team, live or recorded."""
 
 from collections.abc import Collection
-from typing import Any, Protocol
+from typing import Protocol
+
+from magat_viewer.detail import RobotDetail
+from magat_viewer.health import HealthReport
+from magat_viewer.watched_episode import EpisodeResult, Scene
 
 
 class Source(Protocol):
-    """A team to be shown. Episodes are numbered from 0 as they were seen; JSON values are as in `state` and `detail`.
+    """A team to be shown. Its episodes are numbered from 0.
 
-    All methods are called in one thread, and none waits.
+    All methods are called in one thread, and none of them blocks.
     """
 
-    #: Whether it runs now: then there is one episode to be seen, the newest.
+    #: Whether the team runs now. Then only the newest episode can be shown.
     live: bool
-    #: A line about it.
+    #: One line about the team.
     title: str
 
     def poll(self, chosen: Collection[int]) -> None:
-        """Take what has come; ``chosen`` are the robots that people look at, by number."""
+        """Take the messages that have arrived; ``chosen`` are the numbers of the robots that browsers look at."""
 
     @property
     def newest(self) -> int:
         """Number of the newest episode; -1 before the first one."""
 
-    def results(self) -> list[dict[str, Any]]:
-        """One `WatchedEpisode.result` an episode."""
+    def results(self) -> list[EpisodeResult]:
+        """The results of the episodes, in their order."""
 
-    def scene(self, episode: int) -> dict[str, Any]:
-        """What stays of it."""
+    def scene(self, episode: int) -> Scene:
+        """What does not change during an episode."""
 
     def frames(self, episode: int, after: int) -> tuple[int, bytes]:
-        """What is new after tick ``after`` (-1: nothing is known): its last tick, and frames, which may be none."""
+        """The last tick of an episode, and its frames after the tick ``after`` (all if -1), possibly none."""
 
-    def health(self, episode: int) -> dict[str, Any]:
-        """How the processes of the team are, see `Health.report`."""
+    def health(self, episode: int) -> HealthReport:
+        """The health of the team's processes."""
 
-    def detail(self, episode: int, tick: int, robot: int) -> dict[str, Any] | None:
-        """What is known of a robot at ``tick``, of a live team at its newest complete tick; None if it is nothing."""
+    def detail(self, episode: int, tick: int, robot: int) -> RobotDetail | None:
+        """The detail of a robot at ``tick``, or of a live team at its newest complete tick; None if it is not known."""

@@ -1,13 +1,13 @@
-// The WebSocket to the server, made again as long as the page is open.
+// The WebSocket to the server, reconnected as long as the page is open.
 
-const PATIENCE = [250, 500, 1000, 2000];
+const DELAYS = [250, 500, 1000, 2000];
 
 export class Connection {
-  // `on` has told(message), frames(buffer) and changed(connected).
+  // `on` has message(object), frames(buffer) and changed(connected).
   constructor(on) {
     this.on = on;
     this.failures = 0;
-    this.wishes = {};
+    this.requests = {};
     this.open();
   }
 
@@ -17,23 +17,23 @@ export class Connection {
     this.socket.onopen = () => {
       this.failures = 0;
       this.on.changed(true);
-      this.socket.send(JSON.stringify(this.wishes));
+      this.socket.send(JSON.stringify(this.requests));
     };
     this.socket.onmessage = ({ data }) => {
-      if (typeof data === "string") this.on.told(JSON.parse(data));
+      if (typeof data === "string") this.on.message(JSON.parse(data));
       else this.on.frames(data);
     };
     this.socket.onclose = () => {
       this.on.changed(false);
-      const wait = PATIENCE[Math.min(this.failures++, PATIENCE.length - 1)];
-      setTimeout(() => this.open(), wait);
+      const delay = DELAYS[Math.min(this.failures++, DELAYS.length - 1)];
+      setTimeout(() => this.open(), delay);
     };
   }
 
-  // Say what is to be seen: chosen, episode, tick.
-  wish(wishes) {
-    const news = Object.entries(wishes).filter(([name, value]) => this.wishes[name] !== value);
-    Object.assign(this.wishes, wishes);
+  // Tell the server what the page shows: chosen, episode, tick.
+  request(values) {
+    const news = Object.entries(values).filter(([name, value]) => this.requests[name] !== value);
+    Object.assign(this.requests, values);
     if (news.length && this.socket.readyState === WebSocket.OPEN) {
       this.socket.send(JSON.stringify(Object.fromEntries(news)));
     }

@@ -1,19 +1,19 @@
-// What is drawn on the three canvases of the map. Cells are (x, y), y up; a view turns them into pixels, y down.
+// Drawing of the three canvases of the map. Cells are (x, y), y up; a view converts them to pixels, y down.
 
 import { colours, inkOf, inks } from "./colours.js";
 import { DELTAS, blocked, silent, action } from "./team.js";
 
-// Cells from which on robots are drawn in detail, with their labels; pixels a cell.
+// Smallest cells, in pixels, with detailed robots and with labels.
 const DETAILED = 11;
 const LABELLED = 17;
-// Frames that a trail reaches back, and how dense its newest piece is.
+// Length of a trail in frames, and opacity of its newest part.
 const TRAIL = 8;
 const FRESH = 0.38;
 
 const x = (view, cell) => view.left + (cell + 0.5) * view.scale;
 const y = (view, cell) => view.top + (view.height - cell - 0.5) * view.scale;
 
-// --- Ground: what stays for the episode ---
+// --- Ground: what does not change during an episode ---
 
 export function drawGround(ctx, view, episode) {
   const { scale } = view;
@@ -38,7 +38,7 @@ export function drawGround(ctx, view, episode) {
       else ctx.rect(left, top, side, side);
     });
     ctx.fillStyle = colours.wall;
-    ctx.globalAlpha = scale >= DETAILED ? 1 : 0.6; // robots are small, and stand out
+    ctx.globalAlpha = scale >= DETAILED ? 1 : 0.6; // so that small robots stand out
     ctx.fill();
     ctx.globalAlpha = 1;
   }
@@ -47,7 +47,7 @@ export function drawGround(ctx, view, episode) {
   ctx.strokeRect(view.left - 0.5, view.top - 0.5, right - view.left + 1, bottom - view.top + 1);
 }
 
-// --- Past: goals and trails, anew with each frame ---
+// --- Past: goals and trails, redrawn with each frame ---
 
 export function drawPast(ctx, view, player, chosen) {
   const { episode, index } = player;
@@ -87,7 +87,7 @@ function drawGoals(ctx, view, episode, frame, chosen) {
   }
 }
 
-// Where robots came along between two frames, up to a share of the way.
+// The way of the robots between two frames, up to a share of it.
 function trail(ctx, view, before, after, share) {
   byInk(before.x.length, (robot) => {
     const [fromX, fromY] = [before.x[robot], before.y[robot]];
@@ -99,7 +99,7 @@ function trail(ctx, view, before, after, share) {
   }, ctx, (ink) => stroke(ctx, ink, Math.max(1, view.scale * 0.12), "square"));
 }
 
-// --- Now: robots, and what is shown of the chosen one; anew whenever anything moves ---
+// --- Now: robots and the details of the chosen one, redrawn whenever anything moves ---
 
 export function drawNow(ctx, view, player, chosen, detail) {
   const { episode, frame, next, fraction } = player;
@@ -175,7 +175,7 @@ function drawRobots(ctx, view, player, place) {
   }
 }
 
-// A tick in the corner of a robot that is at its goal: readable without colour.
+// A check mark in the corner of a robot at its goal, readable without colour.
 function check(ctx, view, cx, cy, ink) {
   const unit = view.scale * 0.1;
   const [ox, oy] = [cx + 3.4 * unit, cy - 3.4 * unit];
@@ -190,14 +190,14 @@ function check(ctx, view, cx, cy, ink) {
   stroke(ctx, ink, Math.max(1, 0.7 * unit));
 }
 
-// The field of view, the radio range, and the way to the goal.
+// The field of view, the radio range, and the direction to the goal.
 function drawRange(ctx, view, episode, [cx, cy], chosen) {
-  const sight = (episode.sight + 0.5) * view.scale;
+  const half = (episode.viewRadius + 0.5) * view.scale;
   ctx.fillStyle = colours.sight;
-  ctx.fillRect(cx - sight, cy - sight, 2 * sight, 2 * sight);
+  ctx.fillRect(cx - half, cy - half, 2 * half, 2 * half);
   ctx.strokeStyle = colours.accent;
   ctx.lineWidth = 1;
-  ctx.strokeRect(cx - sight, cy - sight, 2 * sight, 2 * sight);
+  ctx.strokeRect(cx - half, cy - half, 2 * half, 2 * half);
   ctx.setLineDash([6, 5]);
   ctx.beginPath();
   ctx.arc(cx, cy, episode.radioRange * view.scale, 0, 2 * Math.PI);
@@ -209,7 +209,7 @@ function drawRange(ctx, view, episode, [cx, cy], chosen) {
   ctx.setLineDash([]);
 }
 
-// Links to who is in range: as wide as the attention, dashed if nothing was heard.
+// Links to the robots in range: as wide as the attention, dashed without attention.
 function drawLinks(ctx, view, place, chosen, detail) {
   const from = place(chosen);
   for (const { robot, attention } of detail.neighbours) {
@@ -224,7 +224,7 @@ function drawLinks(ctx, view, place, chosen, detail) {
   }
 }
 
-// How much the chosen robot listens, in percent, beside each neighbour.
+// The attention of the chosen robot in percent, beside each neighbour.
 function drawShares(ctx, view, place, detail) {
   if (view.scale < DETAILED || detail.neighbours.length > 16) return;
   for (const { robot, attention } of detail.neighbours) {
@@ -246,7 +246,7 @@ function drawShares(ctx, view, place, detail) {
 
 export const mean = (values) => values.reduce((sum, value) => sum + value, 0) / values.length;
 
-// --- Small things ---
+// --- Helpers ---
 
 function line(ctx, fromX, fromY, toX, toY) {
   ctx.moveTo(fromX, fromY);
@@ -260,7 +260,7 @@ function stroke(ctx, colour, width, cap = "round") {
   ctx.stroke();
 }
 
-// One path an ink, not one a robot: so a thousand are drawn as fast as ten.
+// One path for each colour instead of one for each robot, so that a thousand robots are drawn as fast as ten.
 function byInk(count, add, ctx, paint) {
   for (let ink = 0; ink < Math.min(inks, count); ink++) {
     ctx.beginPath();

@@ -1,4 +1,4 @@
-// The page: what the server tells, what people ask for, and what is drawn, sixty times a second.
+// The page: messages of the server, input of the user, and the drawing loop.
 
 import { isDark, setTheme } from "./colours.js";
 import { Connection } from "./connection.js";
@@ -8,11 +8,11 @@ import { Player, SPEEDS } from "./player.js";
 import { Episode } from "./team.js";
 
 const $ = (id) => document.getElementById(id);
-const PANEL_PERIOD = 100; // milliseconds between two changes of texts
-const MOST_OUTDATED = 30; // ticks
+const PANEL_PERIOD = 100; // milliseconds between two updates of texts
+const MOST_OUTDATED = 30; // ticks by which a shown detail may be old while the episode plays
 
-// What the address asks for: #robot=NAME&tick=N&episode=N&theme=dark
-const asked = new URLSearchParams(location.hash.slice(1));
+// What the address selects: #robot=NAME&tick=N&episode=N&theme=dark
+const requested = new URLSearchParams(location.hash.slice(1));
 
 const player = new Player();
 const map = new TeamMap($("map"), player, choose);
@@ -20,53 +20,53 @@ const teamPanel = new TeamPanel();
 const robotPanel = new RobotPanel(choose);
 const healthPanel = new HealthPanel(choose);
 let live = false;
-let newest = null; // episode that frames come for
+let newest = null; // the episode of the frames that arrive
 let chosen = null;
 let results = [];
 let panelAt = 0;
 let shownDetail = null;
 
-showTheme(asked.get("theme") || localStorage.getItem("theme"));
+showTheme(requested.get("theme") || localStorage.getItem("theme"));
 if (matchMedia("(prefers-reduced-motion: reduce)").matches) player.halt();
 
-// --- What is told ---
+// --- Messages of the server ---
 
 const connection = new Connection({
   changed(connected) {
     $("connection").classList.toggle("lost", !connected);
-    $("connection").textContent = connected ? "" : "The server does not answer. Trying again …";
+    $("connection").textContent = connected ? "" : "The server does not answer. Reconnecting …";
     if (connected) newest = null;
   },
-  told(message) {
-    if (message.kind === "team") began(message);
+  message(message) {
+    if (message.kind === "team") showTeam(message);
     else if (message.kind === "results") showResults(message.episodes);
     else if (message.kind === "scene") showScene(new Episode(message));
     else if (message.kind === "health") healthPanel.show(message);
     else if (message.kind === "detail" && newest && message.episode === newest.number) newest.keep(message);
   },
   frames(buffer) {
-    const had = newest.frames.length;
-    const forgotten = newest.append(buffer);
+    const before = newest.frames.length;
+    const dropped = newest.append(buffer);
     if (player.episode !== newest) return;
-    player.came(performance.now() / 1000, forgotten);
-    if (!had) framed();
+    player.framesArrived(performance.now() / 1000, dropped);
+    if (!before) firstFrames();
   },
 });
 
-function began(team) {
+function showTeam(team) {
   live = team.live;
   player.following = live && player.playing;
   $("title").textContent = team.title;
   $("live").hidden = !live;
   document.title = `MAGAT: ${team.title}`;
-  const first = Number(asked.get("episode") || 0);
-  if (!live) connection.wish({ episode: first });
+  const first = Number(requested.get("episode") || 0);
+  if (!live) connection.request({ episode: first });
 }
 
 function showResults(episodes) {
   results = episodes;
   const options = episodes.map((result) => {
-    const option = new Option(`${result.episode}${result.measures && !result.measures.success ? " (not complete)" : ""}`, result.episode);
+    const option = new Option(`${result.episode}${result.measures && !result.measures.success ? " (not all goals reached)" : ""}`, result.episode);
     if (result.measures) option.title = outcome(result);
     return option;
   });
@@ -77,9 +77,9 @@ function showResults(episodes) {
 
 function showScene(episode) {
   newest = episode;
-  if (live && !player.following && player.episode) return; // somebody looks at an older one
+  if (live && !player.following && player.episode) return; // the user looks at an older episode
   const before = player.episode;
-  const name = before && chosen !== null ? before.robots[chosen] : asked.get("robot");
+  const name = before && chosen !== null ? before.robots[chosen] : requested.get("robot");
   player.show(episode);
   map.fit();
   healthPanel.begin(episode);
@@ -88,27 +88,27 @@ function showScene(episode) {
     $("robot").disabled = false;
   }
   $("episode").value = episode.number;
-  $("notice").textContent = episode.obstacles ? "" : "The map is unknown until the next episode begins";
+  $("notice").textContent = episode.obstacles ? "" : "The map is not known until the next episode starts";
   const robot = episode.robots.indexOf(name);
   choose(robot < 0 ? null : robot);
 }
 
-// The first frames of an episode are there.
-function framed() {
+// Called with the first frames of an episode.
+function firstFrames() {
   panelAt = 0;
-  if (!live && newest.number !== Number(asked.get("episode") || newest.number)) return; // not yet the one asked for
-  if (asked.has("tick")) player.seekTick(Number(asked.get("tick")));
-  asked.delete("tick");
+  if (!live && newest.number !== Number(requested.get("episode") || newest.number)) return; // the requested episode comes later
+  if (requested.has("tick")) player.seekTick(Number(requested.get("tick")));
+  requested.delete("tick");
 }
 
-// --- What people ask for ---
+// --- Input of the user ---
 
 function choose(robot) {
   chosen = robot;
-  connection.wish({ chosen });
+  connection.request({ chosen });
   $("robot").value = robot ?? "";
   healthPanel.mark(robot);
-  if (robot !== null) $("said").textContent = `${player.episode.robots[robot]} is chosen`;
+  if (robot !== null) $("announcement").textContent = `${player.episode.robots[robot]} is chosen`;
   panelAt = 0;
 }
 
@@ -133,7 +133,7 @@ function follow() {
 function changeEpisode(by) {
   const options = [...$("episode").options].map((option) => Number(option.value));
   const at = options.indexOf(player.episode?.number) + by;
-  if (!live && at >= 0 && at < options.length) connection.wish({ episode: options[at] });
+  if (!live && at >= 0 && at < options.length) connection.request({ episode: options[at] });
 }
 
 function changeTheme() {
@@ -151,12 +151,12 @@ function showTheme(theme) {
 
 $("play").onclick = () => act(() => player.toggle());
 $("back").onclick = () => act(() => player.step(-1));
-$("forth").onclick = () => act(() => player.step(1));
+$("forward").onclick = () => act(() => player.step(1));
 $("live").onclick = () => act(follow);
 $("scrubber").oninput = () => act(() => player.seekTick(Number($("scrubber").value)));
 $("speed").append(...SPEEDS.map((speed) => new Option(`${speed} ticks/s`, speed)));
 $("speed").onchange = () => act(() => { player.speed = Number($("speed").value); });
-$("episode").onchange = () => connection.wish({ episode: Number($("episode").value) });
+$("episode").onchange = () => connection.request({ episode: Number($("episode").value) });
 $("robot").onchange = () => choose($("robot").value === "" ? null : Number($("robot").value));
 $("theme").onclick = changeTheme;
 $("help").onclick = () => $("keys").showModal();
@@ -191,7 +191,7 @@ addEventListener("keydown", (event) => {
   act(() => key(event));
 });
 
-// --- What is drawn ---
+// --- Drawing ---
 
 const PLAY = "M4 2.5v11L13 8z";
 const PAUSE = "M4 3h3v10H4zM9 3h3v10H9z";
@@ -216,7 +216,7 @@ function showPanels() {
   $("clock").textContent = `tick ${frame.tick} / ${frames.at(-1).tick} (T_max ${episode.tMax})`;
 }
 
-// What is known of the chosen robot at the tick that is shown; while ticks go by, not of each: then the last that is.
+// The detail of the chosen robot at the shown tick. While the episode plays, not every tick has one: then the last one.
 function findDetail() {
   if (chosen === null || !player.episode) return null;
   const oldest = player.playing ? player.tick - MOST_OUTDATED : player.tick;
@@ -233,7 +233,7 @@ function draw(now) {
   const moved = player.advance(Math.min(0.25, (now - last) / 1000));
   last = now;
   shownDetail = findDetail();
-  if (!live && player.frame) connection.wish({ tick: player.tick });
+  if (!live && player.frame) connection.request({ tick: player.tick });
   map.draw(chosen, shownDetail);
   if (now - panelAt > PANEL_PERIOD || (!moved && panelAt === 0)) {
     panelAt = now;
@@ -244,5 +244,5 @@ function draw(now) {
 
 requestAnimationFrame(draw);
 
-// For whoever looks at the page from outside: tests, and the bench.
+// For tests and the bench.
 window.magat = { player, map, chosen: () => chosen, detail: () => shownDetail };

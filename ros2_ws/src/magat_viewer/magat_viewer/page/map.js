@@ -1,20 +1,20 @@
-// The map: three canvases over each other, each drawn anew only if what is on it has changed; zoom, and who is clicked.
+// The map: three stacked canvases, each redrawn only if it has changed; zoom, and clicks on robots.
 
 import { drawGround, drawNow, drawPast } from "./layers.js";
 
-const CLOSEST = 80; // pixels a cell
+const CLOSEST = 80; // pixels per cell
 const MARGIN = 18;
 
 export class TeamMap {
-  // `choose(robot)` is called with the number of a robot that is clicked, or null.
+  // `choose(robot)` is called with the number of the clicked robot, or null.
   constructor(element, player, choose) {
     this.element = element;
     this.player = player;
     this.choose = choose;
     this.canvases = ["ground", "past", "now"].map((id) => document.getElementById(id));
     this.contexts = this.canvases.map((canvas) => canvas.getContext("2d"));
-    this.view = null; // pixels: scale (a cell), left and top (the map's corner), across and down (the canvas)
-    this.moved = false; // by hand
+    this.view = null; // pixels: scale (of a cell), left and top (corner of the map), across and down (size of the canvas)
+    this.moved = false; // by the user
     this.drawn = {};
     this.statistics = { frames: 0, milliseconds: [] };
     new ResizeObserver(() => this.resize()).observe(element);
@@ -33,7 +33,7 @@ export class TeamMap {
     this.refresh();
   }
 
-  // Show all of the map.
+  // Show the whole map.
   fit() {
     this.moved = false;
     const { episode } = this.player;
@@ -54,7 +54,7 @@ export class TeamMap {
     this.refresh();
   }
 
-  // Zoom about a point of the canvas, by default its middle.
+  // Zoom around a point of the canvas, by default its middle.
   zoom(factor, px = this.element.clientWidth / 2, py = this.element.clientHeight / 2) {
     const { view } = this;
     if (!view) return;
@@ -71,7 +71,7 @@ export class TeamMap {
     if (this.view) Object.assign(this.view, { across: this.element.clientWidth, down: this.element.clientHeight });
   }
 
-  // Draw what has changed since the last time.
+  // Draw the layers that have changed.
   draw(chosen, detail) {
     const { player, view } = this;
     if (!player.frame || !view) return;

@@ -1,4 +1,4 @@
-// The column beside the map: measures of the team, the inside of the chosen robot, the health of all.
+// The column beside the map: the team, the chosen robot, and the health of the processes.
 
 import { colours, inkOf } from "./colours.js";
 import { mean } from "./layers.js";
@@ -6,7 +6,7 @@ import { ARROWS, PRIMITIVES, blocked, moved, silent, action } from "./team.js";
 
 const LISTED = 12; // neighbours
 const STALE = 5; // seconds without a status
-const SIDE = 11; // of an observation, cells
+const SIDE = 11; // of a field of view with its border, cells
 
 const $ = (id) => document.getElementById(id);
 
@@ -17,7 +17,7 @@ function element(tag, attributes = {}, ...children) {
   return made;
 }
 
-// Set a text only where it changed: the page is laid out anew otherwise.
+// Set a text only if it has changed, to avoid a new layout of the page.
 function write(node, text) {
   if (node.textContent !== text) node.textContent = text;
 }
@@ -40,7 +40,7 @@ const MEASURES = [
   ["at goal", (frame, robots) => [frame.onGoal, `of ${robots}`]],
   ["visited", (frame, robots) => [frame.visited, `of ${robots}`]],
   ["ticks/s", (frame) => [frame.seconds > 0 ? (1 / frame.seconds).toFixed(0) : "–", ""]],
-  ["moves blocked", (frame) => [frame.blocked, ""]],
+  ["blocked moves", (frame) => [frame.blocked, ""]],
   ["late answers", (frame) => [frame.silences, ""]],
   ["radio links", (frame) => [frame.links, ""]],
 ];
@@ -67,9 +67,9 @@ export class TeamPanel {
 }
 
 export function outcome({ ticks, measures }) {
-  const how = measures.success ? "complete" : `${(100 * measures.p_rg).toFixed(0)} % arrived`;
-  const longer = measures.delta_ft === null ? "no expert's solution" : `delta_FT ${(100 * measures.delta_ft).toFixed(1)} %`;
-  return `Episode ${how} after ${ticks} ticks, makespan ${measures.makespan}, ${longer}`;
+  const end = measures.success ? "succeeded" : `ended with ${(100 * measures.p_rg).toFixed(0)} % of the goals reached`;
+  const longer = measures.delta_ft === null ? "no expert solution" : `delta_FT ${(100 * measures.delta_ft).toFixed(1)} %`;
+  return `Episode ${end} after ${ticks} ticks, makespan ${measures.makespan}, ${longer}`;
 }
 
 // --- The chosen robot ---
@@ -111,9 +111,10 @@ export class RobotPanel {
       heading.firstChild.style.background = inkOf(chosen);
     }
     this.decision(player, chosen, detail);
-    const nothing = live ? "No detail of this tick was seen." : "The recording has no observation of this tick.";
-    const other = detail && detail.tick !== player.tick ? `What it saw and decided is of tick ${detail.tick}. ` : "";
-    write($("why"), detail ? other + detail.why : nothing);
+    const missing = live ? "This tick has no details: the page did not receive them." : "The recording has no observation of this tick.";
+    const other = detail && detail.tick !== player.tick ? `Field of view and decision are from tick ${detail.tick}. ` : "";
+    const reason = detail && detail.no_attention ? `No attention: ${detail.no_attention}.` : "";
+    write($("note"), detail ? other + reason : missing);
     this.view(detail);
     this.links(episode, detail);
   }
@@ -121,23 +122,23 @@ export class RobotPanel {
   decision(player, chosen, detail) {
     const after = player.atEnd ? player.frame : player.next;
     const flags = after && after.tick > 0 ? after.flags[chosen] : 0;
-    const [want, made] = [action(flags), moved(flags)];
+    const [wanted, made] = [action(flags), moved(flags)];
     const line = [`Tick ${player.tick}: `];
-    if (!after || after.tick === 0) line.push("not begun");
-    else if (silent(flags)) line.push(element("b", { class: "alarm" }, "no answer in time"), ", so it stays");
+    if (!after || after.tick === 0) line.push("not started");
+    else if (silent(flags)) line.push(element("b", { class: "alarm" }, "no answer in time"), ", so it does not move");
     else if (blocked(flags)) {
-      line.push(`wants ${PRIMITIVES[want]} ${ARROWS[want]}, and `);
-      line.push(element("b", { class: "alarm" }, made ? `the shield makes it ${PRIMITIVES[made]}` : "the shield holds it back"));
-    } else if (want !== made) line.push(`wants to stay, and the shield moves it ${PRIMITIVES[made]} ${ARROWS[made]}`);
-    else line.push(want ? `wants ${PRIMITIVES[want]} ${ARROWS[want]}, and the shield lets it` : "wants to stay, and stays");
-    const heard = detail && detail.heard !== null ? `. Heard ${detail.heard} of ${detail.audible}.` : ".";
+      line.push(`action ${PRIMITIVES[wanted]} ${ARROWS[wanted]}, `);
+      line.push(element("b", { class: "alarm" }, made ? `changed by the shield to ${PRIMITIVES[made]} ${ARROWS[made]}` : "blocked by the shield"));
+    } else if (wanted !== made) line.push(`action idle, changed by the shield to ${PRIMITIVES[made]} ${ARROWS[made]}`);
+    else line.push(wanted ? `action ${PRIMITIVES[wanted]} ${ARROWS[wanted]}` : "action idle");
+    const heard = detail && detail.heard !== null ? `. Received ${detail.heard} of ${detail.audible} messages.` : ".";
     const text = line.map((part) => part.textContent ?? part).join("") + heard;
     if ($("decision").textContent !== text) $("decision").replaceChildren(...line, heard);
     this.rows.forEach((row, primitive) => {
       const known = detail && detail.probabilities;
       setBar(row, known ? detail.probabilities[primitive] : 0);
       if (!known) write(row.children[2], "–");
-      const drawn = known && detail.primitive === primitive;
+      const drawn = known && detail.action === primitive;
       const marks = [drawn ? "drawn" : "", after && after.tick > 0 && made === primitive ? "made" : ""].filter(Boolean);
       write(row.children[3], marks.join(", "));
     });
@@ -155,12 +156,12 @@ export class RobotPanel {
       if (!detail) return;
       const ink = [colours.wall, colours.accent, colours.alarm][channel];
       for (let at = 0; at < SIDE * SIDE; at++) {
-        if (detail.view[channel][at] !== "1") continue;
+        if (detail.field_of_view[channel][at] !== "1") continue;
         const [left, top] = [(at % SIDE) * cell, (SIDE - 1 - Math.floor(at / SIDE)) * cell];
         ctx.fillStyle = ink;
         ctx.fillRect(left + 0.5, top + 0.5, cell - 1, cell - 1);
       }
-      // The robot itself, in the middle.
+      // The robot itself is in the middle.
       ctx.strokeStyle = colours.ink;
       ctx.lineWidth = 1.5;
       ctx.strokeRect(5 * cell + 1, 5 * cell + 1, cell - 2, cell - 2);
@@ -168,24 +169,27 @@ export class RobotPanel {
   }
 
   links(episode, detail) {
-    const near = detail ? [...detail.neighbours] : [];
+    const neighbours = detail ? [...detail.neighbours] : [];
     const share = ({ attention }) => (attention ? mean(attention) : -1);
-    near.sort((a, b) => share(b) - share(a));
-    write($("neighbours-heading"), near.length ? `Listens to (${near.length} in range)` : "Nobody is in range");
+    neighbours.sort((a, b) => share(b) - share(a));
+    const robots = neighbours.length === 1 ? "robot" : "robots";
+    write($("neighbours-heading"), neighbours.length ? `Attention (${neighbours.length} ${robots} in range)` : "No robot in range");
     this.neighbours.forEach((row, at) => {
-      const one = near[at];
+      const one = neighbours[at];
       row.parentNode.hidden = !one;
       if (!one) return;
       const button = row.children[0].firstChild;
       button.value = one.robot;
       write(button, episode.robots[one.robot]);
       setBar(row, Math.max(0, share(one)));
-      if (!one.attention) write(row.children[2], detail.why ? "?" : "lost");
+      if (!one.attention) write(row.children[2], detail.no_attention ? "–" : "lost");
     });
   }
 }
 
 // --- Health ---
+
+const count = (times) => `${times} ${times === 1 ? "time" : "times"}`;
 
 export class HealthPanel {
   constructor(choose) {
@@ -206,32 +210,32 @@ export class HealthPanel {
     this.health = health;
     const { episode } = this;
     const processes = health.processes;
-    const equipment = new Set(processes.map((p) => `${p.policy}, ${p.digest.slice(0, 12)}, ${p.encoding}, radio ${p.radio}`));
-    write($("equipment"), [...equipment].join("; ") || "No robot has said anything of itself yet.");
-    const ill = this.ills();
-    const well = episode.robots.length - ill.size;
-    const lines = [`${well} of ${episode.robots.length} robots are well`];
+    const configurations = new Set(processes.map((p) => `${p.policy}, ${p.digest.slice(0, 12)}, ${p.encoding}, radio ${p.radio}`));
+    write($("configuration"), [...configurations].join("; ") || "No robot has reported its status yet.");
+    const faults = this.faults();
+    const healthy = episode.robots.length - faults.size;
+    const lines = [`${healthy} of ${episode.robots.length} robots are healthy`];
     const list = element("ul");
-    for (const [robot, reasons] of [...ill].slice(0, 8)) list.append(element("li", {}, `${episode.robots[robot]}: ${reasons.join(", ")}`));
-    if (ill.size > 8) list.append(element("li", {}, `and ${ill.size - 8} more`));
-    $("summary").replaceChildren(...lines, ...(ill.size ? [list] : []));
+    for (const [robot, reasons] of [...faults].slice(0, 8)) list.append(element("li", {}, `${episode.robots[robot]}: ${reasons.join(", ")}`));
+    if (faults.size > 8) list.append(element("li", {}, `and ${faults.size - 8} more`));
+    $("summary").replaceChildren(...lines, ...(faults.size ? [list] : []));
     this.roster();
   }
 
-  // Who is not well, and why.
-  ills() {
-    const ill = new Map();
-    const add = (robot, reason) => ill.set(robot, [...(ill.get(robot) || []), reason]);
+  // Robots with faults: a map from their numbers to lists of reasons.
+  faults() {
+    const faults = new Map();
+    const add = (robot, reason) => faults.set(robot, [...(faults.get(robot) || []), reason]);
     const digests = new Set(this.health.processes.map(({ digest }) => digest));
-    for (const [robot, times] of Object.entries(this.health.late)) add(Number(robot), `late ${times} ${times === 1 ? "time" : "times"}`);
+    for (const [robot, times] of Object.entries(this.health.late)) add(Number(robot), `late ${count(times)}`);
     for (const process of this.health.processes) {
       for (const robot of process.robots) {
         if (process.age > STALE) add(robot, `no status for ${process.age.toFixed(0)} s`);
-        if (process.restarts) add(robot, `restarted ${process.restarts} times`);
+        if (process.restarts) add(robot, `restarted ${count(process.restarts)}`);
         if (digests.size > 1) add(robot, `carries ${process.policy} (${process.digest.slice(0, 6)})`);
       }
     }
-    return ill;
+    return faults;
   }
 
   roster() {
@@ -242,10 +246,10 @@ export class HealthPanel {
     this.cells.forEach((cells, robot) => {
       const process = of.get(robot);
       const late = this.health.late[robot] || 0;
-      const said = process ? [late, process.restarts, process.features_missing, process.digest.slice(0, 6)] : [late, "–", "–", "–"];
-      said.forEach((value, at) => {
+      const values = process ? [late, process.restarts, process.features_missing, process.digest.slice(0, 6)] : [late, "–", "–", "–"];
+      values.forEach((value, at) => {
         write(cells[at], String(value));
-        cells[at].className = at < 2 && value > 0 ? "ill" : "";
+        cells[at].className = at < 2 && value > 0 ? "fault" : "";
       });
     });
   }

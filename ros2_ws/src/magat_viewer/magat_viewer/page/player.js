@@ -1,4 +1,4 @@
-// Which instant is shown: a place between two frames of an episode, and how it moves on.
+// The instant that is shown: a place between two frames of an episode, and how it advances.
 
 export const SPEEDS = [1, 2, 4, 8, 16, 32, 64];
 
@@ -9,11 +9,11 @@ export class Player {
     this.episode = null;
     this.place = 0; // in frames, with a fraction
     this.playing = true;
-    this.following = false; // the running team, whatever the speed
-    this.speed = 8; // ticks a second
-    this.arrived = 0; // when the last frame came, seconds
+    this.following = false; // the running team, at its own speed
+    this.speed = 8; // ticks per second
+    this.arrived = 0; // time at which the last frames arrived, seconds
     this.interval = 0.1; // mean time between messages with frames, seconds
-    this.behind = 0; // frames that are to be caught up with until the next message
+    this.behind = 0; // frames to catch up with until the next message
   }
 
   show(episode) {
@@ -29,22 +29,22 @@ export class Player {
   get fraction() { return this.index < this.last ? this.place - this.index : 0; }
   get atEnd() { return this.place >= this.last; }
 
-  // The tick whose decision is shown: the one that leads from this frame to the next, at the end the last one.
+  // The tick whose decision is shown: the step from this frame to the next one, or the last step at the end.
   get tick() {
     if (!this.frame) return 0;
     return this.atEnd ? Math.max(0, this.frame.tick - 1) : this.frame.tick;
   }
 
-  came(now, forgotten) {
+  framesArrived(now, dropped) {
     const since = Math.min(now - this.arrived, 1);
     if (this.arrived) this.interval += 0.2 * (since - this.interval);
     this.arrived = now;
-    this.place = Math.max(0, this.place - forgotten);
+    this.place = Math.max(0, this.place - dropped);
     if (this.following) this.place = Math.max(this.place, this.last - MOST_BEHIND);
     this.behind = this.last - this.place;
   }
 
-  // Move on by so many seconds; true if that changed anything.
+  // Advance by some seconds; returns whether that changed anything.
   advance(seconds) {
     const before = this.place;
     if (this.following) {
@@ -56,7 +56,7 @@ export class Player {
     return this.place !== before;
   }
 
-  // To whole frames, and stop there.
+  // Go some frames forward or back, to a whole frame, and pause.
   step(frames) {
     this.halt();
     const from = frames > 0 ? Math.floor(this.place) : Math.ceil(this.place);

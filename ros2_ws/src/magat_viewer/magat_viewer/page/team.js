@@ -1,7 +1,7 @@
-// What the server says of a team, as objects. The layout of frames is that of magat_viewer/state.py.
+// Messages of the server as objects. The layout of frames is documented in magat_viewer/watched_episode.py.
 
 const HEAD = 32;
-// A long live episode is forgotten from its begin on.
+// Of a longer live episode the oldest frames are dropped.
 const MOST_FRAMES = 6000;
 
 export const PRIMITIVES = ["idle", "up", "down", "left", "right"];
@@ -17,14 +17,14 @@ export class Episode {
     this.goals = scene.goals;
     this.tMax = scene.t_max;
     this.radioRange = scene.radio_range;
-    this.sight = scene.sight;
+    this.viewRadius = scene.view_radius;
     this.obstacles = scene.obstacles && Uint8Array.from(scene.obstacles, Number);
     this.labels = scene.robots.map(label);
     this.frames = [];
     this.details = new Map();
   }
 
-  // Take all frames of a message; returns how many old ones were forgotten.
+  // Append the frames of a message; returns how many old ones were dropped.
   append(buffer) {
     const robots = this.robots.length;
     const size = HEAD + Math.ceil((5 * robots) / 4) * 4;
@@ -44,9 +44,9 @@ export class Episode {
         flags: new Uint8Array(buffer, at + HEAD + 4 * robots, robots),
       });
     }
-    const forgotten = Math.max(0, this.frames.length - MOST_FRAMES);
-    this.frames.splice(0, forgotten);
-    return forgotten;
+    const dropped = Math.max(0, this.frames.length - MOST_FRAMES);
+    this.frames.splice(0, dropped);
+    return dropped;
   }
 
   detail(robot, tick) {
@@ -64,7 +64,7 @@ export const moved = (flags) => (flags >> 3) & 7;
 export const silent = (flags) => (flags & 64) !== 0;
 export const blocked = (flags) => action(flags) !== 0 && action(flags) !== moved(flags);
 
-// What fits on a robot: its number, or the first letters of its name.
+// The label on a robot: its number, or the first letters of its name.
 function label(name) {
   const digits = /(\d+)$/.exec(name);
   return digits ? String(Number(digits[1])) : name.slice(0, 2);

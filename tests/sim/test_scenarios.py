@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from magat_bringup.run import RunPlan
+from magat_bringup.run_plan import RunPlan
 from magat_cli.main import main
 from magat_evaluation.cases import solve_cases
 from magat_evaluation.planners import evaluate

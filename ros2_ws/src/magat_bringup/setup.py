@@ -22,6 +22,7 @@ setup(
         (f"share/{PACKAGE}/launch", files("launch")),
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest"]},
     zip_safe=True,
     maintainer="MAGAT maintainers",
     maintainer_email="maintainers@magat.example",

@@ -12,10 +12,11 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest"]},
     zip_safe=False,  # the page's files are served as files
     maintainer="MAGAT maintainers",
     maintainer_email="maintainers@magat.example",
     description="A local web page that shows a live or a recorded team.",
     license="Apache-2.0",
-    entry_points={"console_scripts": ["viewer = magat_viewer.main:main", "view = magat_viewer.rviz.node:main"]},
+    entry_points={"console_scripts": ["viewer = magat_viewer.main:main", "rviz_bridge = magat_viewer.rviz.node:main"]},
 )

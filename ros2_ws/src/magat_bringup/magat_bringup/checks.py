@@ -1,22 +1,19 @@
 """What `magat run` checks before it starts a process."""
 
 import os
-from typing import TYPE_CHECKING
 
+from magat_bringup.run_plan import RunPlan
 from magat_bringup.team import TeamPlan
 from magat_node.errors import MagatError
 from magat_recording.bag import BagError, continuation
 from magat_robot.policy.folder import read_folder
 from magat_sim.case import InvalidCaseError, draw_case
 
-if TYPE_CHECKING:
-    from magat_bringup.run import RunPlan
-
 #: Largest values of the fields of the RunEpisode action.
 LARGEST_SEED, LARGEST_NUMBER, LARGEST_SIDE = 2**64 - 1, 2**32 - 1, 2**16 - 1
 
 
-def check_run(plan: "RunPlan", team: TeamPlan) -> None:
+def check_run(plan: RunPlan, team: TeamPlan) -> None:
     """Check everything that can be checked without the team's processes.
 
     Args:
@@ -45,7 +42,7 @@ def check_run(plan: "RunPlan", team: TeamPlan) -> None:
         raise MagatError(f"the output folder {plan.output} cannot be written: give another --output")
 
 
-def _check_episodes(plan: "RunPlan", robots: int) -> None:
+def _check_episodes(plan: RunPlan, robots: int) -> None:
     if not 0 <= plan.seed <= LARGEST_SEED:
         raise InvalidCaseError(f"the seed {plan.seed} is out of range: give 0 to {LARGEST_SEED}")
     if not 0 <= plan.first <= LARGEST_NUMBER + 1 - plan.episodes:

@@ -3,12 +3,9 @@
 import json
 import os
 import shlex
-from array import array
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 from time import monotonic
 
-import numpy as np
 from rich.box import SIMPLE
 from rich.console import Console
 from rich.progress import Progress
@@ -19,6 +16,7 @@ from magat_bringup.checks import check_run
 from magat_bringup.client import EpisodeClient, EpisodeOutcome
 from magat_bringup.environment import LOOPBACK, Network, network_for, own_domain
 from magat_bringup.processes import TeamProcesses
+from magat_bringup.run_plan import RunPlan
 from magat_bringup.team import TeamPlan
 from magat_interfaces.action import RunEpisode
 from magat_node.plain import plain
@@ -27,58 +25,7 @@ from magat_pictures.animation import save_animation
 from magat_pictures.drawn_episode import DrawnEpisode
 from magat_pictures.picture import save_picture
 from magat_sim.measures import wilson
-from magat_sim.scenarios import Scenarios
 from magat_viewer.address import HOST as PAGE_HOST
-
-
-@dataclass(frozen=True)
-class RunPlan:
-    """Which episodes to run."""
-
-    episodes: int
-    width: int
-    height: int
-    density: float
-    #: Episodes are the cases ``first``, ``first + 1``, ... under ``seed``.
-    seed: int
-    first: int
-    #: Folder for logs, results and pictures.
-    output: Path
-    #: Whether all log lines of the processes are shown, or warnings only.
-    verbose: bool = False
-    #: The interface that the team is opened to, see `magat_bringup.environment.network_for`.
-    interface: str = ""
-    #: ROS domain; one that no other run on this machine uses if None.
-    domain: int | None = None
-    #: Cases to run instead of drawn ones, one for each episode.
-    scenarios: Scenarios | None = None
-
-    @property
-    def names(self) -> list[str]:
-        """Of the cases: their numbers, or their files."""
-        if self.scenarios is None:
-            return [str(self.first + index) for index in range(self.episodes)]
-        return [file.stem for file in self.scenarios.files]
-
-    @property
-    def title(self) -> str:
-        """What the episodes are run on."""
-        if self.scenarios is None:
-            return f"Cases {self.first} to {self.first + self.episodes - 1} of seed {self.seed}"
-        return f"Cases on {self.scenarios.map.name}"
-
-    def goal(self, index: int) -> RunEpisode.Goal:
-        """The request for episode ``index``, from 0."""
-        goal = RunEpisode.Goal(seed=self.seed, width=self.width, height=self.height, density=self.density)
-        if self.scenarios is None:
-            goal.number = self.first + index
-        else:
-            case = self.scenarios.cases[index]
-            goal.number = index
-            goal.obstacles = array("B", case.obstacles.astype(np.uint8).tobytes())
-            goal.start_x, goal.start_y = case.starts.T.tolist()
-            goal.goal_x, goal.goal_y = case.goals.T.tolist()
-        return goal
 
 
 def run(plan: RunPlan, team: TeamPlan, console: Console) -> list[RunEpisode.Result]:

@@ -20,7 +20,7 @@ DURABILITY = {"": QoSDurabilityPolicy.VOLATILE, "latched": QoSDurabilityPolicy.T
 
 
 def rows(heading: str, head: str = "") -> list[list[str]]:
-    """The table under ``heading`` whose head begins with ``head``; cells stripped of blanks and backticks."""
+    """The rows of the table under ``heading`` whose first column is ``head``, without backticks."""
     section = PAGE.split(f"## {heading}\n")[1].split("\n## ")[0]
     tables = [table.splitlines() for table in re.findall(r"(?:^\|.*\n)+", section, re.MULTILINE)]
     table = next(lines for lines in tables if lines[0].startswith(f"| {head}"))
@@ -93,7 +93,7 @@ def test_encodings_are_those_of_the_page_the_messages_and_the_robots():
 
 
 @pytest.mark.parametrize("radio", ["direct", "relayed"])
-def test_a_process_that_waits_says_hello_where_others_hear_it_and_who_it_is(team_of, radio):
+def test_a_waiting_process_sends_hellos_and_its_status(team_of, radio):
     team, hellos = team_of(radio), {}
 
     def note(data):

@@ -13,7 +13,7 @@ from std_msgs.msg import Empty
 from magat_bringup.environment import own_domain
 from magat_interfaces.msg import Observation, RobotStatus
 from magat_node import qos
-from magat_node.topics import READY
+from magat_node.topics import RECORDER_READY
 from magat_recording.bag import read_bag
 from magat_recording.recorder import RecorderNode
 
@@ -44,7 +44,7 @@ def test_it_is_ready_when_it_has_heard_each_robot_and_the_simulator_speak_to_eac
     for one in (node, team):
         executor.add_node(one)
     told: list[Empty] = []
-    team.create_subscription(Empty, READY, told.append, qos.latched(1))
+    RECORDER_READY.subscription(team, told.append)
     simulator = [
         team.create_publisher(Observation, f"{name}/observation", qos.newest(4)) for name in ("alice", "bob", "carol")
     ]

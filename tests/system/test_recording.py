@@ -26,7 +26,7 @@ from magat_evaluation.splits import SPLITS
 from magat_interfaces.msg import Deployment, World
 from magat_node import qos
 from magat_node.errors import TeamError
-from magat_node.topics import READY
+from magat_node.topics import RECORDER_READY
 from magat_recording.bag import BagError, bag_files, read_bag, recover
 from magat_recording.tables import TeamRecording
 from magat_robot.policy.folder import read_files
@@ -207,7 +207,7 @@ def test_a_running_team_is_joined_and_what_it_does_from_then_on_is_recorded(star
         team.run(team.goal(CASE))
         recorder = magat("record", bag, environment=team.environment)
         ready: list[Empty] = []
-        team.client.node.create_subscription(Empty, READY, ready.append, qos.latched(1))
+        RECORDER_READY.subscription(team.client.node, ready.append)
         deadline = time.monotonic() + 60
         while not ready:
             assert time.monotonic() < deadline, "it does not hear the whole team"

@@ -26,9 +26,9 @@ from magat_bringup.processes import TeamProcesses
 from magat_bringup.team import PagePlan, TeamFile
 from magat_evaluation.splits import SET_SEED
 from magat_interfaces.msg import World
-from magat_node import qos
 from magat_node.errors import TeamError
 from magat_node.progress import progress_bars
+from magat_node.topics import WORLD
 from magat_sim.case import draw_case
 from magat_sim.grid import IntArray
 from magat_sim.simulator import Simulator
@@ -133,7 +133,7 @@ def _published(crowd: Crowd, domain: int) -> Iterator[None]:
     rclpy.init(args=[], context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
     ended = threading.Event()
     node = rclpy.create_node("simulator", context=context)
-    publisher = node.create_publisher(World, "world", qos.reliable(100))
+    publisher = WORLD.publisher(node)
     worlds = _worlds(crowd)
 
     def publish() -> None:

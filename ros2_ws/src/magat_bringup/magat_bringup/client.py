@@ -10,9 +10,8 @@ from std_msgs.msg import Empty
 from magat_bringup.processes import TeamProcesses
 from magat_interfaces.action import RunEpisode
 from magat_interfaces.msg import World
-from magat_node import qos
 from magat_node.errors import TeamError
-from magat_node.topics import READY
+from magat_node.topics import RECORDER_READY, WORLD
 from magat_node.visitor import Visitor
 from magat_recording.world_log import WorldLog
 
@@ -44,7 +43,7 @@ class EpisodeClient(Visitor):
         self._team = team
         self._action = ActionClient(self.node, RunEpisode, "run_episode")
         self._recording = WorldLog()
-        self.node.create_subscription(World, "world", self._on_world, qos.reliable(1000))
+        WORLD.subscription(self.node, self._on_world, depth=1000)
 
     def wait_for_simulator(self, timeout: float = SIMULATOR_TIMEOUT) -> None:
         """Wait until episodes can be asked for, at most for ``timeout`` seconds.
@@ -62,7 +61,7 @@ class EpisodeClient(Visitor):
             TeamError: a process ended, or the recorder does not receive from the whole team in time.
         """
         ready: list[Empty] = []
-        self.node.create_subscription(Empty, READY, ready.append, qos.latched(1))
+        RECORDER_READY.subscription(self.node, ready.append)
         if not self.spin(lambda: bool(ready), RECORDER_TIMEOUT):
             raise TeamError(f"the recorder does not receive from the whole team after {RECORDER_TIMEOUT:g} s")
 

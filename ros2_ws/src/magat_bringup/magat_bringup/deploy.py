@@ -10,14 +10,14 @@ from rich.console import Console
 
 from magat_interfaces.action import DeployPolicy
 from magat_interfaces.msg import PolicyFile, RobotStatus
-from magat_node import qos
 from magat_node.errors import TeamError
 from magat_node.progress import progress_bars
 from magat_node.teams import find_team
+from magat_node.topics import ROBOT_STATUS
 from magat_node.visitor import Visitor
 from magat_robot.policy.config import ModelError, PolicyConfig
 from magat_robot.policy.folder import read_files, read_folder
-from magat_robot.policy_slot import longest_payload
+from magat_robot.policy.payload import longest_payload
 
 #: How long to wait for the status of every robot, seconds; a running robot sends it every 2 s.
 STATUS_TIMEOUT = 10.0
@@ -90,7 +90,7 @@ def _statuses(visitor: Visitor, robots: list[str]) -> dict[str, RobotStatus]:
     def note(status: RobotStatus) -> None:
         said.update(dict.fromkeys(status.robots, status))
 
-    visitor.node.create_subscription(RobotStatus, "robot_status", note, qos.reliable(qos.shared_depth(len(robots))))
+    ROBOT_STATUS.subscription(visitor.node, note, robots=len(robots))
     visitor.spin(lambda: said.keys() >= set(robots), STATUS_TIMEOUT)
     missing = sorted(set(robots) - said.keys())
     if missing:

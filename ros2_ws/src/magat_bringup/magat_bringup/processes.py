@@ -1,6 +1,5 @@
 """Starts and watches the processes of a team, and ends them all."""
 
-import ctypes
 import os
 import signal
 import subprocess
@@ -13,9 +12,9 @@ from typing import IO, Self
 
 from magat_bringup.team import ENVIRONMENT, TeamPlan
 from magat_node.errors import TeamError
+from magat_node.parent import end_with_parent
 from magat_robot.forked import RESTARTS
 
-_PR_SET_PDEATHSIG = 1
 #: How long processes may take to end after SIGTERM before they are killed, seconds.
 GRACE = 5.0
 
@@ -135,7 +134,7 @@ class TeamProcesses:
 
 def _die_with_parent() -> None:
     """In a child, before it becomes another program: end with the parent, even if that is killed."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    end_with_parent(signal.SIGTERM)
 
 
 def _children(pid: int) -> list[int]:

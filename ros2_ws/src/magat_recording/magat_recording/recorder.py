@@ -13,10 +13,9 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import Empty
 
 from magat_interfaces.msg import Observation, RobotStatus
-from magat_node import qos
 from magat_node.parameters import declare_choice, declare_value
 from magat_node.run import give_way, run_node
-from magat_node.topics import READY, team_topics
+from magat_node.topics import RECORDER_READY, ROBOT_STATUS, team_topics
 from magat_recording.bag import BagWriter, continuation
 from magat_recording.definitions import described
 
@@ -68,8 +67,8 @@ class RecorderNode(Node):
             self.bag.add_topic(described(topic, subscription.topic_name))
             self._subscriptions_of[subscription.topic_name] = (topic.kind, subscription.handle)
         self._silent_observations = {name for name, (kind, _) in self._subscriptions_of.items() if kind is Observation}
-        self._status_topic = self._listener.resolve_topic_name("robot_status")
-        self._send_ready = self.create_publisher(Empty, READY, qos.latched(1))
+        self._status_topic = self._listener.resolve_topic_name(ROBOT_STATUS.name())
+        self._send_ready = RECORDER_READY.publisher(self)
         self.create_timer(PERIOD, self.take)
         self.create_timer(FLUSH, self.bag.flush)
 

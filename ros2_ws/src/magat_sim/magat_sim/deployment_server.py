@@ -9,9 +9,9 @@ from rclpy.node import Node
 from magat_interfaces.action import DeployPolicy
 from magat_interfaces.msg import Deployment as DeploymentMessage
 from magat_interfaces.msg import RobotStatus
-from magat_node import qos
 from magat_node.deferred import RunningGoal, SingleGoalActionServer
 from magat_node.parameters import declare_seconds
+from magat_node.topics import DEPLOYMENT
 from magat_sim.deployment import Deployment, Order, RobotReport
 
 _STATES = {
@@ -42,7 +42,7 @@ class DeploymentServer:
         self._last = DeploymentMessage()
         #: The order that brought the policy that the team carries; None if it is the first one.
         self._carried: DeploymentMessage | None = None
-        self._send = node.create_publisher(DeploymentMessage, "deployment", qos.latched(1))
+        self._send = DEPLOYMENT.publisher(node)
         self._action = SingleGoalActionServer(node, DeployPolicy, "deploy_policy", lambda _: None)
 
     @property

@@ -12,9 +12,9 @@ from rclpy.publisher import Publisher
 from rclpy.task import Future
 
 from magat_interfaces.action import RunEpisode
-from magat_interfaces.msg import Feature, FeatureBundle, Observation, Preference, RobotStatus, World
+from magat_interfaces.msg import Observation, Preference, RobotStatus, World
 from magat_interfaces.srv import SolveMapf
-from magat_node import cdr, qos
+from magat_node import cdr, topics
 from magat_node.deferred import RunningGoal, SingleGoalActionServer
 from magat_node.parameters import declare_choice, declare_seconds, declare_share, declare_value
 from magat_node.run import run_node
@@ -66,15 +66,16 @@ class SimulatorNode(Node):
         peers = len(names) - 1 if radio == "direct" else 0
         self._team = Team(list(names), [secrets.randbits(63) + 1 for _ in names], peers)
 
-        depth = qos.shared_depth(len(names))
-        self._send = [self.create_publisher(Observation, f"{name}/observation", qos.newest(4)) for name in names]
+        size = len(names)
+        self._send = [topics.OBSERVATION.publisher(self, robot=name) for name in names]
         self._relay_to: list[Publisher] = []
         if radio == "relayed":
-            self._relay_to = [self.create_publisher(FeatureBundle, f"{name}/heard", qos.newest(8)) for name in names]
-            self.create_subscription(Feature, "feature", self._on_feature, qos.newest(depth), raw=True)
-        self._send_world = self.create_publisher(World, "world", qos.reliable(100))
-        self.create_subscription(Preference, "preference", self._on_preference, qos.newest(depth))
-        self.create_subscription(RobotStatus, "robot_status", self._on_status, qos.reliable(depth))
+            self._relay_to = [topics.HEARD.publisher(self, robot=name) for name in names]
+            topics.FEATURE.subscription(self, self._on_feature, robots=size, raw=True)
+        # Tools take a simulator for complete when this publisher is there: it comes after those above.
+        self._send_world = topics.WORLD.publisher(self)
+        topics.PREFERENCE.subscription(self, self._on_preference, robots=size)
+        topics.ROBOT_STATUS.subscription(self, self._on_status, robots=size)
         self._deployments = DeploymentServer(self, list(names))
         self._solve = self.create_client(SolveMapf, "solve_mapf")
         self._action = SingleGoalActionServer(self, RunEpisode, "run_episode", self._begin)

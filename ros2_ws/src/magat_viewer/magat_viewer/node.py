@@ -12,12 +12,12 @@ import numpy as np
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 
-from magat_interfaces.msg import Feature, FeatureBundle, Observation, Preference, RobotStatus, World
-from magat_node import cdr, qos
+from magat_interfaces.msg import Observation, Preference, RobotStatus, World
+from magat_node import cdr
+from magat_node.topics import FEATURE, HEARD, OBSERVATION, PREFERENCE, ROBOT_STATUS, WORLD, Topic
 from magat_robot.policy.config import OBSERVATION_SHAPE, ModelError
 from magat_viewer.detail import RobotDetail, RobotTick, TeamSnapshot, TickOutcome, robot_detail
 from magat_viewer.health import HealthReport, TeamHealth
@@ -75,8 +75,8 @@ class LiveTeam:
         )
         self._find_policy = find_policy
         self.title = f"team {self.node.get_namespace()}, live"
-        self._world = self._subscribe(World, "world", qos.reliable(_DEPTH))
-        self._status = self._subscribe(RobotStatus, "robot_status", qos.reliable(_SHARED_DEPTH))
+        self._world = self._subscribe(WORLD, _DEPTH)
+        self._status = self._subscribe(ROBOT_STATUS, _SHARED_DEPTH)
         #: Preferences and, if the radio is direct, features; empty while they are not needed.
         self._shared: list[Subscription] = []
         #: Whether features and preferences are needed to know what the chosen robots received.
@@ -91,8 +91,8 @@ class LiveTeam:
         self._health = TeamHealth()
         self._policies: dict[str, Policy | str] = {}
 
-    def _subscribe(self, kind: type, name: str, profile: QoSProfile) -> Subscription:
-        return self.node.create_subscription(kind, name, lambda _: None, profile)
+    def _subscribe(self, topic: Topic, depth: int, robot: str = "") -> Subscription:
+        return topic.subscription(self.node, lambda _: None, robot=robot, depth=depth)
 
     def destroy(self) -> None:
         """End all subscriptions."""
@@ -191,17 +191,17 @@ class LiveTeam:
         for name in self._chosen.keys() - chosen:
             self._unsubscribe(self._chosen.pop(name).subscriptions)
         for name in chosen - self._chosen.keys():
-            self._chosen[name] = _ChosenRobot([self._subscribe(Observation, f"{name}/observation", qos.newest(_DEPTH))])
+            self._chosen[name] = _ChosenRobot([self._subscribe(OBSERVATION, _DEPTH, name)])
         if self._needs_messages and relayed:
             for name, robot in self._chosen.items():
                 if len(robot.subscriptions) == 1:
-                    robot.subscriptions.append(self._subscribe(FeatureBundle, f"{name}/heard", qos.newest(_DEPTH)))
+                    robot.subscriptions.append(self._subscribe(HEARD, _DEPTH, name))
         if self._needs_messages and not self._shared:
             most = _TICKS * len(robots)
             self._preferences, self._features = deque(maxlen=most), deque(maxlen=most)
-            self._shared = [self._subscribe(Preference, "preference", qos.newest(_SHARED_DEPTH))]
+            self._shared = [self._subscribe(PREFERENCE, _SHARED_DEPTH)]
             if not relayed:
-                self._shared.append(self._subscribe(Feature, "feature", qos.newest(_SHARED_DEPTH)))
+                self._shared.append(self._subscribe(FEATURE, _SHARED_DEPTH))
         elif not self._needs_messages and self._shared:
             bundles = [robot.subscriptions.pop() for robot in self._chosen.values() if len(robot.subscriptions) > 1]
             self._unsubscribe([*self._shared, *bundles])

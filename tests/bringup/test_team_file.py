@@ -244,7 +244,7 @@ def params(tmp_path) -> Path:
         "/bob/robot": {"feature_deadline": 0.5},
         "/**/simulator": {"tick_deadline": 0.75},
         "/**/expert": {"searches": 2},
-        "/**/view": {"cell_size": 0.25},
+        "/**/rviz_bridge": {"cell_size": 0.25},
     }
     path.write_text(yaml.safe_dump({node: {"ros__parameters": values} for node, values in said.items()}))
     return path
@@ -282,7 +282,7 @@ def test_magat_run_and_the_launch_file_start_the_same(team_file, params, tmp_pat
     by_run = started(plan, tmp_path)
 
     team = plan.commands()
-    assert [command.name for command in team] == ["recorder", "robots", "simulator", "expert", "view", "viewer"]
+    assert [command.name for command in team] == ["recorder", "robots", "simulator", "expert", "rviz_bridge", "viewer"]
     assert by_launch == [as_launched(command) for command in team]
     assert [line for line, _ in by_run] == [[sys.executable, "-m", *command.python] for command in team]
     assert all(env.items() >= ENVIRONMENT.items() for _, env in by_run)
@@ -367,7 +367,7 @@ def test_every_node_takes_an_ordinary_parameter_file(params, tmp_path):
             "shield": "pibt",
         },
         "/expert": {"searches": 2},
-        "/view": {"cell_size": 0.25, "team_size": 2},
+        "/rviz_bridge": {"cell_size": 0.25, "team_size": 2},
     }
     with own_domain() as domain, mock.patch.dict(os.environ, loopback(domain)):
         policy = find_policy(POLICY)

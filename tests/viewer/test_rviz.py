@@ -1,4 +1,4 @@
-"""The view node: what RViz, Foxglove and diagnostics tools are shown is what the team said."""
+"""The RViz bridge: what RViz, Foxglove and diagnostics tools are shown is what the team said."""
 
 import array
 import json
@@ -24,11 +24,12 @@ from visualization_msgs.msg import Marker, MarkerArray
 from magat_bringup.environment import loopback, own_domain
 from magat_interfaces.msg import RobotStatus, World
 from magat_node import qos
+from magat_node.topics import TF
+from magat_pictures.colours import OKABE_ITO, rgb
 from magat_sim.radio import COMMUNICATION_RADIUS
-from magat_viewer.rviz import node as view
 from magat_viewer.rviz.diagnostics import TeamDiagnostics
-from magat_viewer.rviz.markers import COLOURS, links, markers, occupancy, transforms
-from magat_viewer.rviz.node import ViewNode
+from magat_viewer.rviz.markers import links, markers, occupancy, transforms
+from magat_viewer.rviz.node import RvizBridge
 from magat_viewer.world_check import fault
 
 MAP = Header(frame_id="map")
@@ -85,7 +86,7 @@ def test_robots_and_goals_are_in_the_middle_of_their_cells_and_of_one_colour():
     robots, goals, ways, _ = markers(world(), 2.0, MAP)
     np.testing.assert_allclose(points(robots), [(1, 1), (5, 3), (23, 5)])
     np.testing.assert_allclose(points(goals), [(9, 5), (1, 5), (23, 5)])
-    assert inks(robots) == inks(goals) == [pytest.approx(colour) for colour in COLOURS[:3]]
+    assert inks(robots) == inks(goals) == [pytest.approx(np.array(rgb(ink)) / 255, abs=1e-3) for ink in OKABE_ITO[:3]]
     # Only who is not there yet has a way to go.
     np.testing.assert_allclose(points(ways), [(1, 1), (9, 5), (5, 3), (1, 5)])
     assert inks(ways) == [inks(robots)[robot] for robot in (0, 0, 1, 1)]
@@ -111,12 +112,12 @@ def test_the_same_markers_come_every_time_and_empty_ones_are_deleted():
     assert [m.action for m in drawn] == [Marker.ADD, Marker.ADD, Marker.DELETE, Marker.DELETE]
 
 
-def test_the_colours_differ_to_people_without_red_green_vision():
+def test_the_colours_differ_with_red_green_colour_blindness():
     # Viénot, Brettel and Mollon (1999): what protanopes and deuteranopes see, in linear RGB.
     protan = [[0.1124, 0.8876, 0.0], [0.1124, 0.8876, 0.0], [0.0040, -0.0040, 1.0]]
     deutan = [[0.2928, 0.7072, 0.0], [0.2928, 0.7072, 0.0], [-0.0223, 0.0223, 1.0]]
     for sight in (np.eye(3), np.array(protan), np.array(deutan)):
-        seen = np.clip(np.array(COLOURS) ** 2.2 @ sight.T, 0, 1) ** (1 / 2.2)
+        seen = np.clip((np.array([rgb(ink) for ink in OKABE_ITO]) / 255) ** 2.2 @ sight.T, 0, 1) ** (1 / 2.2)
         apart = np.linalg.norm(seen[:, None] - seen, axis=2) + np.eye(len(seen))
         assert apart.min() > 0.1, sight
 
@@ -179,7 +180,7 @@ def values(said: DiagnosticStatus) -> dict[str, str]:
 
 def test_a_process_warns_while_it_drops_messages_or_misses_features():
     health = TeamDiagnostics("view", 0.0)
-    # What it counted before the view came is no news.
+    # What it counted before the bridge started is no news.
     health.reported(status("alice", "bob", messages_dropped=9, features_missing=4), 0.0)
     counts = [(9, 4), (11, 4), (11, 5), (11, 5), (1, 0)]  # and at last it is another process
     levels = []
@@ -243,16 +244,16 @@ def test_the_team_reports_its_speed_and_its_silent_robots():
 
 
 class Viewed:
-    """A view, and a node that is team and audience at once."""
+    """A bridge, and a node that is team and audience at once."""
 
     def __init__(self, domain: int) -> None:
         self.context = Context()
         rclpy.init(context=self.context, domain_id=domain)
         overrides = [Parameter("cell_size", value=0.5), Parameter("period", value=0.02)]
-        self.view = ViewNode(context=self.context, parameter_overrides=overrides)
+        self.bridge = RvizBridge(context=self.context, parameter_overrides=overrides)
         self.node = rclpy.create_node("audience", context=self.context)
         self.executor = EventsExecutor(context=self.context)
-        self.executor.add_node(self.view)
+        self.executor.add_node(self.bridge)
         self.executor.add_node(self.node)
         self.send_world = self.node.create_publisher(World, "world", qos.reliable(100))
         self.send_status = self.node.create_publisher(RobotStatus, "robot_status", qos.reliable(100))
@@ -261,7 +262,7 @@ class Viewed:
         heard: list = []
         profile = QoSProfile(depth=100, durability=durability)
         self.node.create_subscription(kind, topic, heard.append, profile)
-        self.spin(lambda: self.view.count_subscribers(topic) > 0)
+        self.spin(lambda: self.bridge.count_subscribers(topic) > 0)
         return heard
 
     def spin(self, condition: Callable[[], object]) -> None:
@@ -271,7 +272,7 @@ class Viewed:
             self.executor.spin_once(timeout_sec=0.02)
 
     def end(self) -> None:
-        for node in (self.view, self.node):
+        for node in (self.bridge, self.node):
             self.executor.remove_node(node)
             node.destroy_node()
         self.executor.shutdown()
@@ -293,7 +294,7 @@ def viewed() -> Iterator[Viewed]:
 def test_the_node_shows_an_episode_and_clears_the_one_before(viewed):
     drawn = viewed.listen(MarkerArray, "markers")
     # There is no wheel of tf2_msgs: without it the node says so and does all the rest.
-    frames = viewed.listen(view.TFMessage, "/tf") if view.TFMessage is not None else None
+    frames = viewed.listen(TF.message, "/tf") if TF.available else None
     for episode in (1, 2):
         viewed.send_world.publish(world(tick=0, episode=episode, obstacles=array.array("B", [1] + [0] * 35)))
         viewed.spin(lambda: drawn)
@@ -320,7 +321,7 @@ def test_the_node_reports_every_second(viewed):
     reports = viewed.listen(DiagnosticArray, "/diagnostics")
     viewed.send_status.publish(status("alice"))
     viewed.spin(lambda: len(reports) == 3)
-    assert {said.name for said in reports[-1].status} == {"view: team", "view: alice"}
+    assert {said.name for said in reports[-1].status} == {"rviz_bridge: team", "rviz_bridge: alice"}
     stamps = [report.header.stamp.sec + 1e-9 * report.header.stamp.nanosec for report in reports]
     assert 0.7 < (stamps[2] - stamps[0]) / 2 < 2.0
 
@@ -336,7 +337,7 @@ def test_a_world_without_sense_does_not_end_the_node(viewed):
 def test_a_cell_needs_a_size(viewed):
     for bad in (0.0, -1.0, float("nan"), float("inf")):
         with pytest.raises(ValueError, match="cell_size"):
-            ViewNode(
+            RvizBridge(
                 context=viewed.context,
                 cli_args=["--ros-args", "-r", "__node:=sizeless"],
                 parameter_overrides=[Parameter("cell_size", value=bad)],
@@ -351,14 +352,14 @@ DISPLAYS = {"Map": "nav_msgs/msg/OccupancyGrid", "MarkerArray": "visualization_m
 
 
 def published(viewed: Viewed) -> dict[str, str]:
-    found = dict(viewed.node.get_publisher_names_and_types_by_node("view", "/"))
-    assert ("/tf" in found) == (view.TFMessage is not None)
+    found = dict(viewed.node.get_publisher_names_and_types_by_node("rviz_bridge", "/"))
+    assert ("/tf" in found) == TF.available
     return {topic: kinds[0] for topic, kinds in found.items()}
 
 
 def test_rviz_shows_what_is_published(viewed):
     layout = yaml.safe_load((CONFIG / "team.rviz").read_text())["Visualization Manager"]
-    assert layout["Global Options"]["Fixed Frame"] == viewed.view.get_parameter("frame").value
+    assert layout["Global Options"]["Fixed Frame"] == viewed.bridge.get_parameter("frame").value
     topics = published(viewed)
     for display in layout["Displays"]:
         kind = DISPLAYS[display["Class"].removeprefix("rviz_default_plugins/")]
@@ -383,7 +384,7 @@ def test_foxglove_shows_what_is_published(viewed):
     topics = published(viewed)
     assert {topics[topic] for topic in panel["3D!team"]["topics"]} == {kind for kind in DISPLAYS.values() if kind}
     assert topics[panel["DiagnosticSummary!team"]["topicToRender"]] == "diagnostic_msgs/msg/DiagnosticArray"
-    assert panel["3D!team"]["followTf"] == viewed.view.get_parameter("frame").value
+    assert panel["3D!team"]["followTf"] == viewed.bridge.get_parameter("frame").value
     for path in panel["Plot!ticks"]["paths"]:
         topic, field = path["value"].split(".")
         assert topic == "/world"

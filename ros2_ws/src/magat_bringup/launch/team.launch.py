@@ -1,4 +1,4 @@
-"""A team: its robots, simulator and expert and, if wanted, a recorder, the page, the view and RViz.
+"""A team: its robots, simulator and expert and, if wanted, a recorder, the page, the RViz bridge and RViz.
 
 `--show-args` lists the arguments. What each process is told comes from `magat_bringup.team`, as for `magat run`.
 """
@@ -126,7 +126,9 @@ def node(command: Command, respawn: bool) -> Node:
     if respawn and command.again and command.name != "robots":  # which starts its processes again by itself
         ending = {"respawn": True, "respawn_delay": 1.0, "respawn_max_retries": RESTARTS}
     else:
-        ending = {} if command.name in ("view", "viewer") else {"on_exit": Shutdown(reason=f"{command.name} ended")}
+        ending = (
+            {} if command.name in ("rviz_bridge", "viewer") else {"on_exit": Shutdown(reason=f"{command.name} ended")}
+        )
     return Node(
         package=command.package,
         executable=command.executable,

@@ -225,9 +225,9 @@ class TeamPlan:
         if self.rviz:
             started.append(
                 Command(
-                    name="view",
+                    name="rviz_bridge",
                     package="magat_viewer",
-                    executable="view",
+                    executable="rviz_bridge",
                     module="magat_viewer.rviz.node",
                     ros_arguments=(*shared, *sized),
                 )

@@ -16,12 +16,12 @@ from rich.console import Console
 from magat_node import interruption
 from magat_node.errors import TeamError
 from magat_node.progress import progress_bars
-from magat_node.topics import shown_topics, view_topics
+from magat_node.topics import rviz_topics, shown_topics
 from magat_recording.bag import BagError, bag_span, bag_topics, read_bag
-from magat_viewer.rviz.node import ViewNode
+from magat_viewer.rviz.node import RvizBridge
 from magat_viewer.serve import live_page
 
-#: How long a view may take to listen, seconds.
+#: How long the RViz bridge and the page may take to subscribe, seconds.
 PATIENCE = 10.0
 
 
@@ -31,7 +31,7 @@ def replay(bag: Path, rate: float, rviz: bool, view: bool, delay: float, console
     Args:
         bag: folder or file.
         rate: above 0.
-        rviz: whether a view draws the world anew; what a recorded one published is left out then.
+        rviz: whether an RViz bridge draws the world; what a recorded one published is left out then.
         view: whether there is a page for browsers.
         delay: seconds before it begins, in which tools find it.
         console: shows how far it is.
@@ -41,7 +41,7 @@ def replay(bag: Path, rate: float, rviz: bool, view: bool, delay: float, console
 
     Raises:
         BagError: it cannot be read, or there is nothing to be seen in it.
-        TeamError: the view or the page does not listen.
+        TeamError: the RViz bridge or the page does not subscribe.
         ServerError: the page cannot be served.
         KeyboardInterrupt: interrupted.
     """
@@ -58,14 +58,14 @@ def replay(bag: Path, rate: float, rviz: bool, view: bool, delay: float, console
         node = rclpy.create_node("replay", context=context)
         executor = EventsExecutor(context=context)
         executor.add_node(node)
-        left_out = {topic.name for topic in view_topics()} if rviz else set()
+        left_out = {topic.name for topic in rviz_topics()} if rviz else set()
         publishers = {}
         for topic in shown_topics():
             name = topic.name if topic.name.startswith("/") else namespace + topic.name
             if name in recorded and topic.name not in left_out | {"/rosout"}:
                 publishers[name] = node.create_publisher(topic.kind, name, topic.profile)
         if rviz:
-            executor.add_node(ViewNode(context=context, namespace=namespace.rstrip("/") or "/"))
+            executor.add_node(RvizBridge(context=context, namespace=namespace.rstrip("/") or "/"))
         if view:
             page = stack.enter_context(live_page(context, namespace.rstrip("/") or "/"))
             console.print(f"The page is at {page.url}", highlight=False)

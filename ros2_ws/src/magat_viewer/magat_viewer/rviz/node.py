@@ -1,58 +1,52 @@
-"""The node ``view``: a team in ROS's common messages, for RViz and Foxglove: map, robots, tf and diagnostics."""
+"""The RViz bridge: a node that shows a team in ROS's standard messages: map, markers, tf and diagnostics."""
 
 import sys
 import time
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
-from nav_msgs.msg import OccupancyGrid
 from rclpy.node import Node
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from magat_interfaces.msg import RobotStatus, World
-from magat_node import qos
+from magat_node import topics
 from magat_node.parameters import declare_count, declare_seconds, declare_value
 from magat_node.run import run_node
-from magat_node.topics import TFMessage
 from magat_viewer.rviz.diagnostics import TeamDiagnostics
 from magat_viewer.rviz.markers import markers, occupancy, transforms
 from magat_viewer.world_check import fault
 
 
-class ViewNode(Node):
-    """Listens, and never speaks to the team: no robot and no simulator notices whether it runs."""
+class RvizBridge(Node):
+    """Subscribes to the world and the robots' statuses, and publishes for RViz and Foxglove only."""
 
     def __init__(self, **options: object) -> None:
-        """Listen to the team of this namespace.
+        """Subscribe to the team of this namespace.
 
         Raises:
-            ValueError: the parameter ``cell_size`` is no length.
+            ValueError: the parameter ``cell_size`` is not above 0.
         """
-        super().__init__("view", **options)
+        super().__init__("rviz_bridge", **options)
         self._cell = declare_value(self, "cell_size", 1.0, "side of a cell, metres")
         if not 0.0 < self._cell < float("inf"):
             raise ValueError(f"the parameter cell_size is {self._cell}: give the side of a cell in metres, above 0")
         self._frame = declare_value(self, "frame", "map", "tf frame of the map, whose origin is its lower left corner")
-        period = declare_seconds(self, "period", 0.1, "draw so often at most, however fast the ticks are")
+        period = declare_seconds(self, "period", 0.1, "shortest time between two drawings")
         team_size = declare_count(self, "team_size", 32, "robots in the team, for the queues of shared topics", 10_000)
         self._world: World | None = None
         self._drawn = True
         self._new_episode = False
         self._health = TeamDiagnostics(self.get_fully_qualified_name().lstrip("/"), time.monotonic())
 
-        self._send_map = self.create_publisher(OccupancyGrid, "map", qos.latched(1))
-        self._send_markers = self.create_publisher(MarkerArray, "markers", qos.latched(1))
-        self._send_diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.reliable(10))
-        self._send_tf = None
-        if TFMessage is not None:
-            self._send_tf = self.create_publisher(TFMessage, "/tf", qos.reliable(100))
-        else:
+        self._send_map = topics.MAP.publisher(self)
+        self._send_markers = topics.MARKERS.publisher(self)
+        self._send_diagnostics = topics.DIAGNOSTICS.publisher(self)
+        self._send_tf = topics.TF.publisher(self) if topics.TF.available else None
+        if self._send_tf is None:
             self.get_logger().info("no tf: the package tf2_msgs is not installed")
-        self.create_subscription(World, "world", self._on_world, qos.reliable(100))
-        self.create_subscription(
-            RobotStatus, "robot_status", self._on_status, qos.reliable(qos.shared_depth(team_size))
-        )
+        topics.WORLD.subscription(self, self._on_world)
+        topics.ROBOT_STATUS.subscription(self, self._on_status, robots=team_size)
         self.create_timer(period, self._on_draw)
         self.create_timer(1.0, self._on_diagnose)
 
@@ -80,7 +74,7 @@ class ViewNode(Node):
             drawing.insert(0, Marker(header=header, action=Marker.DELETEALL))
         self._send_markers.publish(MarkerArray(markers=drawing))
         if self._send_tf is not None:
-            self._send_tf.publish(TFMessage(transforms=transforms(self._world, self._cell, header)))
+            self._send_tf.publish(topics.TF.message(transforms=transforms(self._world, self._cell, header)))
         self._drawn, self._new_episode = True, False
 
     def _on_diagnose(self) -> None:
@@ -96,8 +90,8 @@ class ViewNode(Node):
 
 
 def main(args: list[str] | None = None) -> int:
-    """Run the view until it is told to end. Returns the exit status."""
-    return run_node("view", ViewNode, args)
+    """Run the bridge until it is told to end. Returns the exit status."""
+    return run_node("rviz_bridge", RvizBridge, args)
 
 
 if __name__ == "__main__":

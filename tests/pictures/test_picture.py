@@ -251,7 +251,7 @@ def test_any_size(width: int, height: int, robots: int, steps: int, tmp_path: Pa
         ("positions", (8, 10, 2), "blocked has shape"),
         ("blocked", (8, 9), "blocked has shape"),
         ("blocked", (9, 10), "blocked has shape"),
-        ("obstacles", (5, 5), "goals leave the map"),
+        ("obstacles", (5, 5), "goals are outside the map"),
     ],
 )
 def test_arrays_of_different_episodes_are_refused(
@@ -264,5 +264,5 @@ def test_arrays_of_different_episodes_are_refused(
 def test_positions_off_the_map_are_refused(team: DrawnEpisode) -> None:
     positions = team.positions.copy()
     positions[3, 2] = (20, 0)
-    with pytest.raises(ValueError, match="positions leave the map"):
+    with pytest.raises(ValueError, match="positions are outside the map"):
         replace(team, positions=positions)

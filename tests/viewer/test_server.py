@@ -91,7 +91,7 @@ def test_the_page_and_its_parts_are_served_and_nothing_else(serve):
     text = index.read().decode()
     assert index.status == 200
     assert index.headers["Content-Security-Policy"].startswith("default-src 'self'")
-    parts = ["style.css", "main.js", "icon.svg"]
+    parts = ["style.css", "robots.css", "main.js", "icon.svg"]
     for part in parts:
         assert part in text
         assert get(page, f"/{part}").status == 200

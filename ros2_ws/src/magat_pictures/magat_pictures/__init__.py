@@ -1,1 +1,1 @@
-"""Pictures and animations of episodes, and the colours that all pictures of the project share."""
+"""Pictures and animations of episodes, and the colour table of the project."""

@@ -1,6 +1,7 @@
-"""An episode as a short animation.
+"""An episode as an animated GIF.
 
-Drawn in pixels at twice the size and then shrunk, which smooths the edges; cells are ``(x, y)``, x to the right, y up.
+Frames are drawn at twice their size and then reduced, which smooths the edges. Cells are ``(x, y)``, x to the right, y
+up.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -10,41 +11,41 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import numpy.typing as npt
-from PIL import Image, ImageColor, ImageDraw, ImageFont
+from PIL import Image, ImageDraw, ImageFont
 
-from magat_pictures.colours import ALARM, INK, LISTENING, ROBOT_INKS, glaze, robot_colour, tint
+from magat_pictures.colours import ALARM, ATTENTION, INK, ROBOT_INKS, rgb, robot_colour, tint, translucent
 from magat_pictures.drawn_episode import DrawnEpisode, FloatArray
 
 _FINER = 2
 _FRAMES_PER_STEP = 4
 _MOST_FRAMES = 280
 _FRAME_MS, _FIRST_MS, _LAST_MS = 40, 400, 2000
-#: Steps that a trail reaches back, and that the ring of a blocked move lasts.
+#: Length of a trail, and duration of the ring around a blocked robot, steps.
 _TRAIL, _RING = 6, 2
-#: The last entry of the palette is no colour: it stands for "as in the frame before".
+#: The last entry of the palette is transparent: the pixel is as in the frame before.
 _UNCHANGED = 255
 
 
 def save_animation(
-    record: DrawnEpisode,
+    episode: DrawnEpisode,
     path: Path,
     on_frame: Callable[[int, int], None] | None = None,
     attention: Sequence[Mapping[tuple[int, int], float]] | None = None,
 ) -> None:
-    """Play the episode: four frames a step, fewer where that would make more than about 300 frames.
+    """Write an animation with four frames per step, or fewer if these were more than about 300 frames.
 
     Args:
-        record: the episode.
+        episode: to draw.
         path: GIF file to write; it loops.
-        on_frame: called with the number of frames drawn so far and of all frames.
-        attention: at each of the T + 1 instants, how much each receiver listened to each sender, by the numbers of
-            both; links are then as wide as it at the robot that listens. All links are alike if None.
+        on_frame: called with the number of frames drawn so far and the number of all frames.
+        attention: for each of the T + 1 instants the attention by receiver and sender; the half of a link at the
+            receiver is as wide as its attention. All links are alike if None.
     """
-    count = min(_FRAMES_PER_STEP * record.steps, _MOST_FRAMES) + 1
-    stage = _Stage(record, attention)
+    count = min(_FRAMES_PER_STEP * episode.steps, _MOST_FRAMES) + 1
+    stage = _Stage(episode, attention)
 
     def frames() -> Iterator[Image.Image]:
-        for number, time in enumerate(np.linspace(0, record.steps, count).tolist(), start=1):
+        for number, time in enumerate(np.linspace(0, episode.steps, count).tolist(), start=1):
             yield stage.frame(time)
             if on_frame is not None:
                 on_frame(number, count)
@@ -58,11 +59,11 @@ def save_animation(
 
 
 class _Stage:
-    """What all frames of an animation share, and `frame`, which draws one."""
+    """Draws the frames of one animation, with the parts that they share."""
 
-    def __init__(self, record: DrawnEpisode, attention: Sequence[Mapping[tuple[int, int], float]] | None) -> None:
-        self.record, self.attention = record, attention
-        height, width = record.obstacles.shape
+    def __init__(self, episode: DrawnEpisode, attention: Sequence[Mapping[tuple[int, int], float]] | None) -> None:
+        self.episode, self.attention = episode, attention
+        height, width = episode.obstacles.shape
         self.cell = _FINER * max(2, min(48, round(585 / max(width, height))))
         margin, header, footer = _FINER * 16, _FINER * 44, _FINER * 44
         across = max(width * self.cell + 2 * margin, _FINER * 380)
@@ -72,53 +73,53 @@ class _Stage:
         self.bar = (self.size[1] - _FINER * 5, self.size[1] - _FINER * 2)
         self.numbered = self.cell >= _FINER * 16
         self.palette = _palette()
-        self.links = [set(map(tuple, pairs.tolist())) for pairs in record.links]
-        self.goals = [self._sprite(robot, "goal") for robot in range(record.robots)]
-        self.moving = [self._sprite(robot, "moving") for robot in range(record.robots)]
-        self.settled = [self._sprite(robot, "settled") for robot in range(record.robots)]
+        self.links = [set(map(tuple, pairs.tolist())) for pairs in episode.links]
+        self.goals = [self._sprite(robot, "goal") for robot in range(episode.robots)]
+        self.moving = [self._sprite(robot, "moving") for robot in range(episode.robots)]
+        self.settled = [self._sprite(robot, "settled") for robot in range(episode.robots)]
         self.empty = self._empty()
         self._backdrop = (-1, self.empty)
 
     def frame(self, time: float) -> Image.Image:
-        """The drawing at ``time``, in steps, 0 to T; between two instants robots are between two cells."""
-        record = self.record
-        before, after = int(time), min(int(time) + 1, record.steps)
+        """The frame at ``time``, in steps, 0 to T. Between two instants robots are between two cells."""
+        episode = self.episode
+        before, after = int(time), min(int(time) + 1, episode.steps)
         place = self._pixels(self._positions(time))
         image = self._background(before).copy()
         draw = ImageDraw.Draw(image, "RGBA")  # links and rings are translucent
         left, right = self.edges
-        done = left + (right - left) * (time / record.steps if record.steps else 1.0)
+        done = left + (right - left) * (time / episode.steps if episode.steps else 1.0)
         draw.rectangle((left, self.bar[0], done, self.bar[1]), fill=tint(INK, 0.6))
         self._draw_trails(draw, time)
-        settled = record.on_goal[before] & record.on_goal[after]
+        settled = episode.on_goal[before] & episode.on_goal[after]
         for robot in np.flatnonzero(~settled).tolist():
-            _paste(image, self.goals[robot], self._pixels(record.goals[robot]))
+            _paste(image, self.goals[robot], self._pixels(episode.goals[robot]))
         self._draw_links(draw, place, before, after, time - before)
-        for robot in np.argsort(~settled, kind="stable").tolist():  # those under way over those that arrived
+        for robot in np.argsort(~settled, kind="stable").tolist():  # moving robots over those at their goals
             _paste(image, (self.settled if settled[robot] else self.moving)[robot], place[robot])
         self._draw_rings(draw, place, time)
         return image.reduce(_FINER).quantize(palette=self.palette, dither=Image.Dither.NONE)
 
     def _positions(self, time: float) -> FloatArray:
-        before, after = int(time), min(int(time) + 1, self.record.steps)
-        start, end = self.record.positions[before], self.record.positions[after]
+        before, after = int(time), min(int(time) + 1, self.episode.steps)
+        start, end = self.episode.positions[before], self.episode.positions[after]
         return start + (time - before) * (end - start)
 
     def _pixels(self, cells: npt.ArrayLike) -> FloatArray:
-        """The pixels ``[..., 2]``, y down, in the middle of ``cells`` ``[..., 2]``, y up."""
-        origin = (self.left + 0.5 * self.cell, self.top + (len(self.record.obstacles) - 0.5) * self.cell)
+        """The pixels ``[..., 2]``, y down, of the centres of ``cells`` ``[..., 2]``, y up."""
+        origin = (self.left + 0.5 * self.cell, self.top + (len(self.episode.obstacles) - 0.5) * self.cell)
         return origin + np.asarray(cells) * (self.cell, -self.cell)
 
     def _background(self, step: int) -> Image.Image:
-        """What stays for the whole of ``step``: the map and the texts."""
+        """What does not change during ``step``: the map and the texts."""
         if self._backdrop[0] != step:
-            record, (left, right), low = self.record, self.edges, self.size[1] - _FINER * 20
+            episode, (left, right), low = self.episode, self.edges, self.size[1] - _FINER * 20
             image = self.empty.copy()
             draw = ImageDraw.Draw(image)
             for x, y, anchor, text in (
-                (right, self.top / 2, "rm", f"step {step} / {record.steps}"),
-                (left, low, "lm", f"at goal {record.on_goal[step].sum()} / {record.robots}"),
-                (right, low, "rm", f"blocked moves {record.blocked[:step].sum()}"),
+                (right, self.top / 2, "rm", f"step {step} / {episode.steps}"),
+                (left, low, "lm", f"at goal {episode.on_goal[step].sum()} / {episode.robots}"),
+                (right, low, "rm", f"blocked moves {episode.blocked[:step].sum()}"),
             ):
                 draw.text((x, y), text, fill=tint(INK, 0.75), font=_font(_FINER * 12), anchor=anchor)
             self._backdrop = (step, image)
@@ -128,7 +129,7 @@ class _Stage:
         """The map, the title and the track of the progress bar."""
         image = Image.new("RGB", self.size, "white")
         draw = ImageDraw.Draw(image)
-        height, width = self.record.obstacles.shape
+        height, width = self.episode.obstacles.shape
         right, bottom = self.left + width * self.cell, self.top + height * self.cell
         for x in range(self.left, right + 1, self.cell):
             draw.line([(x, self.top), (x, bottom)], fill=tint(INK, 0.1), width=_FINER)
@@ -136,10 +137,10 @@ class _Stage:
             draw.line([(self.left, y), (right, y)], fill=tint(INK, 0.1), width=_FINER)
         frame = (self.left - 1, self.top - 1, right + 1, bottom + 1)
         draw.rectangle(frame, outline=tint(INK, 0.35), width=_FINER)
-        for centre in self._pixels(np.argwhere(self.record.obstacles)[:, ::-1]):
+        for centre in self._pixels(np.argwhere(self.episode.obstacles)[:, ::-1]):
             draw.rounded_rectangle(_box(centre, 0.45 * self.cell), 0.16 * self.cell, fill=INK)
         draw.rectangle((self.edges[0], self.bar[0], self.edges[1], self.bar[1]), fill=tint(INK, 0.1))
-        title = self._fit(self.record.title, self.edges[1] - self.edges[0] - _FINER * 105)
+        title = self._fit(self.episode.title, self.edges[1] - self.edges[0] - _FINER * 105)
         draw.text((self.edges[0], self.top / 2), title, fill=INK, font=_font(_FINER * 14), anchor="lm")
         return image
 
@@ -152,8 +153,8 @@ class _Stage:
         return f"{text}…"
 
     def _sprite(self, robot: int, kind: str) -> Image.Image:
-        """A mark on nothing: a hollow square ("goal"), a disc ("moving"), a checked square ("settled")."""
-        cell = 4 * self.cell  # shrunk to a quarter below, for smooth edges wherever it is pasted
+        """A mark on a transparent image: a hollow square ("goal"), a disc ("moving"), a checked square ("settled")."""
+        cell = 4 * self.cell  # reduced to a quarter below, for smooth edges
         side = 4 * round(1.2 * self.cell)
         image = Image.new("RGBA", (side, side))
         draw = ImageDraw.Draw(image)
@@ -181,7 +182,7 @@ class _Stage:
         return image.reduce(4)
 
     def _draw_trails(self, draw: ImageDraw.ImageDraw, time: float) -> None:
-        """Where each robot came from: thinner and paler the longer ago."""
+        """The last steps of each robot, thinner and paler with their age."""
         instants = [*range(max(0, int(time) - _TRAIL), int(np.ceil(time))), time]
         corners = self._pixels([self._positions(instant) for instant in instants])
         fresh = [1 - (time - instant) / (_TRAIL + 1) for instant in instants]
@@ -197,33 +198,35 @@ class _Stage:
     def _draw_links(
         self, draw: ImageDraw.ImageDraw, place: FloatArray, before: int, after: int, fraction: float
     ) -> None:
-        """The links of both instants, so that a link that appears or breaks fades."""
+        """The links of both instants; a link that appears or breaks is faded."""
         if self.attention is not None:
             self._draw_attention(draw, place, before, after, fraction)
             return
         width = max(2, round(0.04 * self.cell))
         for pair in self.links[before] | self.links[after]:
             strength = (pair in self.links[before]) * (1 - fraction) + (pair in self.links[after]) * fraction
-            draw.line([tuple(place[robot]) for robot in pair], fill=glaze(INK, 0.3 * strength), width=width)
+            draw.line([tuple(place[robot]) for robot in pair], fill=translucent(INK, 0.3 * strength), width=width)
 
     def _draw_attention(
         self, draw: ImageDraw.ImageDraw, place: FloatArray, before: int, after: int, fraction: float
     ) -> None:
-        """Of each link the half at the robot that listens, as wide as its attention, between those of both instants."""
+        """The half of each link at its receiver, as wide as the attention, interpolated between both instants."""
         assert self.attention is not None
         now, then = self.attention[before], self.attention[after]
         for receiver, sender in now.keys() | then.keys():
             ends = place[receiver], (place[receiver] + place[sender]) / 2
             share = (1 - fraction) * now.get((receiver, sender), 0.0) + fraction * then.get((receiver, sender), 0.0)
             width = max(1, round((0.03 + 0.35 * share) * self.cell))
-            draw.line([tuple(end) for end in ends], fill=glaze(LISTENING, 0.75 * min(1.0, 5 * share)), width=width)
+            draw.line(
+                [tuple(end) for end in ends], fill=translucent(ATTENTION, 0.75 * min(1.0, 5 * share)), width=width
+            )
 
     def _draw_rings(self, draw: ImageDraw.ImageDraw, place: FloatArray, time: float) -> None:
-        for step in range(max(0, int(time) - _RING + 1), min(int(time) + 1, self.record.steps)):
+        for step in range(max(0, int(time) - _RING + 1), min(int(time) + 1, self.episode.steps)):
             age = (time - step) / _RING
-            for robot in np.flatnonzero(self.record.blocked[step]):
+            for robot in np.flatnonzero(self.episode.blocked[step]):
                 box = _box(place[robot], (0.44 + 0.16 * age) * self.cell)
-                draw.ellipse(box, outline=glaze(ALARM, 1 - age), width=max(_FINER, round(0.09 * self.cell)))
+                draw.ellipse(box, outline=translucent(ALARM, 1 - age), width=max(_FINER, round(0.09 * self.cell)))
 
 
 def _box(centre: FloatArray, half: float) -> tuple[float, float, float, float]:
@@ -242,10 +245,10 @@ def _font(size: float) -> ImageFont.FreeTypeFont:
 
 
 def _palette() -> Image.Image:
-    """An image whose palette is tints of each ink, and white; none of its colours needs the last entry."""
+    """An image whose palette has tints of each ink, and white. The last entry stays free."""
     levels = {INK: 24} | dict.fromkeys((ALARM, *ROBOT_INKS), 17)
     tints = [tint(ink, level / count) for ink, count in levels.items() for level in range(1, count + 1)]
-    colours = [ImageColor.getrgb(tint) for tint in tints]
+    colours = [rgb(tint) for tint in tints]
     white = [(255, 255, 255)] * (256 - len(colours))
     palette = Image.new("P", (1, 1))
     palette.putpalette([value for colour in (*colours, *white) for value in colour])

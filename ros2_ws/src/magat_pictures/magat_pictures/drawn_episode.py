@@ -1,4 +1,4 @@
-"""One episode to look at."""
+"""An episode as arrays, ready to be drawn."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,10 +14,10 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class DrawnEpisode:
-    """What happened in one episode of N robots and T steps, T possibly 0.
+    """An episode of N robots and T steps, T possibly 0.
 
     Raises:
-        ValueError: shapes that do not belong together, or a cell outside the map.
+        ValueError: shapes do not match, or a cell is outside the map.
     """
 
     #: ``[H, W]`` bool, indexed ``[y, x]``; True is an obstacle.
@@ -26,13 +26,13 @@ class DrawnEpisode:
     goals: IntArray
     #: ``[T + 1, N, 2]`` int64 cells ``(x, y)``, at the start and after each step.
     positions: IntArray
-    #: ``[T, N]`` bool, moves that robots drew and the shield did not let them make.
+    #: ``[T, N]`` bool, moves that the shield blocked.
     blocked: BoolArray
-    #: A line over the drawing.
+    #: Printed over the drawing.
     title: str
 
     def __post_init__(self) -> None:
-        """Check that the arrays are of one episode."""
+        """Check the shapes and the cells."""
         grid, goals, positions, blocked = (a.shape for a in (self.obstacles, self.goals, self.positions, self.blocked))
         if len(grid) != 2 or 0 in grid:
             raise ValueError(f"obstacles have shape {grid}: give a non-empty [height, width] array")
@@ -44,7 +44,7 @@ class DrawnEpisode:
             raise ValueError(f"blocked has shape {blocked}: give [T, N], one instant less than positions {positions}")
         for what, cells in (("goals", self.goals), ("positions", self.positions)):
             if not inside(grid, cells).all():
-                raise ValueError(f"{what} leave the map, which is {grid[1]} wide and {grid[0]} high")
+                raise ValueError(f"{what} are outside the map, which is {grid[1]} wide and {grid[0]} high")
 
     @property
     def robots(self) -> int:
@@ -58,12 +58,12 @@ class DrawnEpisode:
 
     @cached_property
     def on_goal(self) -> BoolArray:
-        """``[T + 1, N]`` who is on its goal at each instant."""
+        """``[T + 1, N]`` bool, robots on their goals at each instant."""
         return (self.positions == self.goals).all(axis=2)
 
     @cached_property
     def links(self) -> list[IntArray]:
-        """``[T + 1]`` arrays ``[L, 2]``: the pairs of robots that hear each other, the lower number first."""
+        """``[T + 1]`` arrays ``[L, 2]``: the pairs of robots in range of each other, the lower number first."""
         together = np.zeros(self.robots, dtype=np.int64)
         found = []
         for position in self.positions:
@@ -74,6 +74,6 @@ class DrawnEpisode:
 
     @property
     def outcome(self) -> str:
-        """The episode in half a sentence."""
+        """One line on how the episode ended."""
         arrived = f"{self.on_goal[-1].sum()} of {self.robots} robots at goal"
         return f"{arrived} after {self.steps} steps, {self.blocked.sum()} moves blocked"

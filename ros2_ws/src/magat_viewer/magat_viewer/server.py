@@ -21,15 +21,19 @@ from magat_node.plain import plain
 from magat_viewer.address import HOST, listen
 from magat_viewer.health import HealthReport
 from magat_viewer.source import Source
+from magat_viewer.theme import robot_colours
 from magat_viewer.watched_episode import EpisodeResult
 
 #: Seconds between two messages to a browser, between two details of the chosen robot (whose attention has to be
 #: computed), and between two reports of the team's health.
 PERIOD, DETAIL_PERIOD, HEALTH_PERIOD = 1 / 30, 0.2, 1.0
+#: A file that is generated, see `magat_viewer.theme`.
+_ROBOT_COLOURS = "robots.css"
 #: The files of the page, and their types.
 _FILES = {
     "index.html": "text/html",
     "style.css": "text/css",
+    _ROBOT_COLOURS: "text/css",
     "icon.svg": "image/svg+xml",
     "main.js": "text/javascript",
     "team.js": "text/javascript",
@@ -159,7 +163,10 @@ class PageServer:
 
     async def _file(self, request: web.Request) -> web.Response:
         name = request.path.removeprefix("/") or "index.html"
-        body = files("magat_viewer").joinpath("page", name).read_bytes()
+        if name == _ROBOT_COLOURS:
+            body = robot_colours().encode()
+        else:
+            body = files("magat_viewer").joinpath("page", name).read_bytes()
         return web.Response(body=body, content_type=_FILES[name], charset="utf-8")
 
     # --- One browser ---

@@ -1,19 +1,18 @@
-// The theme's colours, for what is drawn on canvases.
+// The colours of the current theme, for drawing on canvases.
 
-const NAMES = ["paper", "card", "ink", "quiet", "line", "grid", "wall", "accent", "alarm", "sight", "halo"];
-const ROBOTS = 12;
+const NAMES = ["paper", "card", "ink", "quiet", "line", "grid", "wall", "accent", "alarm", "view", "halo"];
 
 export const colours = { robots: [] };
 
-// Take the theme that is asked for, else the system's.
+// Use the given theme ("light" or "dark"), or that of the system.
 export function setTheme(theme) {
   const dark = matchMedia("(prefers-color-scheme: dark)").matches;
   document.documentElement.dataset.theme = theme || (dark ? "dark" : "light");
   const style = getComputedStyle(document.documentElement);
-  for (const name of NAMES) colours[name] = style.getPropertyValue(`--${name}`).trim();
-  colours.robots = Array.from({ length: ROBOTS }, (_, i) => style.getPropertyValue(`--robot-${i}`).trim());
+  const value = (name) => style.getPropertyValue(`--${name}`).trim();
+  for (const name of NAMES) colours[name] = value(name);
+  colours.robots = Array.from({ length: Number(value("robots")) }, (_, robot) => value(`robot-${robot}`));
 }
 
 export const isDark = () => document.documentElement.dataset.theme === "dark";
-export const inkOf = (robot) => colours.robots[robot % ROBOTS];
-export const inks = ROBOTS;
+export const colourOf = (robot) => colours.robots[robot % colours.robots.length];

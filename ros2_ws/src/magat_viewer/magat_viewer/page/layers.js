@@ -1,6 +1,6 @@
 // Drawing of the three canvases of the map. Cells are (x, y), y up; a view converts them to pixels, y down.
 
-import { colours, inkOf, inks } from "./colours.js";
+import { colourOf, colours } from "./colours.js";
 import { DELTAS, blocked, silent, action } from "./team.js";
 
 // Smallest cells, in pixels, with detailed robots and with labels.
@@ -65,7 +65,7 @@ export function drawPast(ctx, view, player, chosen) {
 function drawGoals(ctx, view, episode, frame, chosen) {
   const half = Math.max(1.5, view.scale * 0.3);
   ctx.globalAlpha = view.scale >= DETAILED ? 1 : 0.55;
-  byInk(episode.robots.length, (robot) => {
+  byColour(episode.robots.length, (robot) => {
     const [goalX, goalY] = episode.goals[robot];
     if (frame.x[robot] === goalX && frame.y[robot] === goalY) return;
     if (!visible(view, goalX, goalY)) return;
@@ -75,7 +75,7 @@ function drawGoals(ctx, view, episode, frame, chosen) {
   if (view.scale >= LABELLED) {
     episode.labels.forEach((text, robot) => {
       const [goalX, goalY] = episode.goals[robot];
-      if (visible(view, goalX, goalY)) label(ctx, view, text, x(view, goalX), y(view, goalY), inkOf(robot), 0.3);
+      if (visible(view, goalX, goalY)) label(ctx, view, text, x(view, goalX), y(view, goalY), colourOf(robot), 0.3);
     });
   }
   if (chosen !== null) {
@@ -89,7 +89,7 @@ function drawGoals(ctx, view, episode, frame, chosen) {
 
 // The way of the robots between two frames, up to a share of it.
 function trail(ctx, view, before, after, share) {
-  byInk(before.x.length, (robot) => {
+  byColour(before.x.length, (robot) => {
     const [fromX, fromY] = [before.x[robot], before.y[robot]];
     const [toX, toY] = [after.x[robot], after.y[robot]];
     if ((fromX === toX && fromY === toY) || !visible(view, toX, toY)) return;
@@ -135,7 +135,7 @@ function drawRobots(ctx, view, player, place) {
     const [goalX, goalY] = episode.goals[robot];
     return frame.x[robot] === goalX && frame.y[robot] === goalY && next.x[robot] === goalX && next.y[robot] === goalY;
   };
-  byInk(count, (robot) => {
+  byColour(count, (robot) => {
     if (!seen(robot)) return;
     const [cx, cy] = place(robot);
     if (home(robot)) {
@@ -158,11 +158,11 @@ function drawRobots(ctx, view, player, place) {
       const arm = radius * 0.62;
       line(ctx, cx - arm, cy - arm, cx + arm, cy + arm);
       line(ctx, cx - arm, cy + arm, cx + arm, cy - arm);
-      stroke(ctx, inkOf(robot), Math.max(1, radius * 0.28));
+      stroke(ctx, colourOf(robot), Math.max(1, radius * 0.28));
     } else if (view.scale >= LABELLED) {
       label(ctx, view, episode.labels[robot], cx, cy, colours.card, 0.46);
     }
-    if (home(robot) && view.scale >= DETAILED) check(ctx, view, cx, cy, inkOf(robot));
+    if (home(robot) && view.scale >= DETAILED) check(ctx, view, cx, cy, colourOf(robot));
     if (blocked(flags) && halfway !== frame || (blocked(flags) && frame === next)) {
       const [dx, dy] = DELTAS[action(flags)];
       const far = Math.max(3.5, view.scale * 0.5);
@@ -193,7 +193,7 @@ function check(ctx, view, cx, cy, ink) {
 // The field of view, the radio range, and the direction to the goal.
 function drawRange(ctx, view, episode, [cx, cy], chosen) {
   const half = (episode.viewRadius + 0.5) * view.scale;
-  ctx.fillStyle = colours.sight;
+  ctx.fillStyle = colours.view;
   ctx.fillRect(cx - half, cy - half, 2 * half, 2 * half);
   ctx.strokeStyle = colours.accent;
   ctx.lineWidth = 1;
@@ -205,7 +205,7 @@ function drawRange(ctx, view, episode, [cx, cy], chosen) {
   ctx.setLineDash([2, 4]);
   ctx.beginPath();
   line(ctx, cx, cy, x(view, episode.goals[chosen][0]), y(view, episode.goals[chosen][1]));
-  stroke(ctx, inkOf(chosen), 1.6);
+  stroke(ctx, colourOf(chosen), 1.6);
   ctx.setLineDash([]);
 }
 
@@ -261,11 +261,12 @@ function stroke(ctx, colour, width, cap = "round") {
 }
 
 // One path for each colour instead of one for each robot, so that a thousand robots are drawn as fast as ten.
-function byInk(count, add, ctx, paint) {
+function byColour(count, add, ctx, paint) {
+  const inks = colours.robots.length;
   for (let ink = 0; ink < Math.min(inks, count); ink++) {
     ctx.beginPath();
     for (let robot = ink; robot < count; robot += inks) add(robot);
-    paint(inkOf(ink));
+    paint(colourOf(ink));
   }
 }
 

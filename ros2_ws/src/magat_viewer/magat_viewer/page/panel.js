@@ -1,6 +1,6 @@
 // The column beside the map: the team, the chosen robot, and the health of the processes.
 
-import { colours, inkOf } from "./colours.js";
+import { colours, colourOf } from "./colours.js";
 import { mean } from "./layers.js";
 import { ARROWS, PRIMITIVES, blocked, moved, silent, action } from "./team.js";
 
@@ -108,7 +108,7 @@ export class RobotPanel {
     const name = episode.robots[chosen];
     if (heading.textContent !== name) {
       heading.replaceChildren(element("i"), name);
-      heading.firstChild.style.background = inkOf(chosen);
+      heading.firstChild.style.background = colourOf(chosen);
     }
     this.decision(player, chosen, detail);
     const missing = live ? "This tick has no details: the page did not receive them." : "The recording has no observation of this tick.";

@@ -1,4 +1,4 @@
-"""A world as RViz draws it: an occupancy grid, markers and transforms."""
+"""A World message as an occupancy grid, markers and transforms."""
 
 # mypy: disable-error-code="import-untyped,import-not-found"
 
@@ -13,6 +13,7 @@ from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker
 
 from magat_interfaces.msg import World
+from magat_pictures.colours import NEUTRAL, OKABE_ITO, rgb
 from magat_sim.grid import IntArray
 from magat_sim.radio import neighbours
 
@@ -20,26 +21,15 @@ FloatArray = npt.NDArray[np.float64]
 
 #: Values of an occupancy grid.
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
-#: Colours (red, green, blue) that differ to people without red-green vision, too (Okabe and Ito); robot i and its goal
-#: have the one of number i, counted around.
-COLOURS = [
-    (0.902, 0.624, 0.000),
-    (0.337, 0.706, 0.914),
-    (0.000, 0.620, 0.451),
-    (0.941, 0.894, 0.259),
-    (0.000, 0.447, 0.698),
-    (0.835, 0.369, 0.000),
-    (0.800, 0.475, 0.655),
-]
 
 
 def occupancy(world: World, cell: float, header: Header) -> OccupancyGrid:
-    """The map of a world, in cells of ``cell`` metres; all of it is unknown where the world does not say (tick > 0)."""
+    """The map of a world, in cells of ``cell`` metres; unknown if the message has no obstacles (tick > 0)."""
     grid = OccupancyGrid(header=header)
     grid.info.map_load_time = header.stamp
     grid.info.resolution = float(cell)
     grid.info.width, grid.info.height = world.width, world.height
-    # The pose of the corner of cell (0, 0) stays the frame's own: x to the right, y up, row by row from y = 0, as here.
+    # The origin of the map is the corner of cell (0, 0). Both go row by row from y = 0, x to the right, y up.
     values = np.full(world.width * world.height, UNKNOWN)
     if len(world.obstacles) > 0:
         values = np.where(np.asarray(world.obstacles) != 0, OCCUPIED, FREE)
@@ -48,9 +38,9 @@ def occupancy(world: World, cell: float, header: Header) -> OccupancyGrid:
 
 
 def markers(world: World, cell: float, header: Header) -> list[Marker]:
-    """The robots, goals, ways and radio links of a world, in cells of ``cell`` metres: always the same four markers.
+    """Robots, goals, lines to the goals and radio links of a world, in cells of ``cell`` metres: always four markers.
 
-    Lists of shapes, not a marker a robot: so a thousand robots are drawn as fast as ten.
+    Each marker is a list of shapes, so that a thousand robots are drawn as fast as ten.
     """
     position, goal = _centres(world.x, world.y, cell), _centres(world.goal_x, world.goal_y, cell)
     colours, faint = _colours(len(position), 1.0), _colours(len(position), 0.5)
@@ -69,7 +59,7 @@ def markers(world: World, cell: float, header: Header) -> list[Marker]:
 
 
 def links(world: World) -> IntArray:
-    """``[L, 2]`` the pairs of robots that hear each other where they stand, the lower number first."""
+    """``[L, 2]`` the pairs of robots in range of each other, the lower number first."""
     position = np.stack([world.x, world.y], axis=1).astype(np.int64)
     heard = neighbours(np.zeros(len(position), dtype=np.int64), position)
     robot, column = np.nonzero(heard > np.arange(len(position))[:, None])
@@ -77,7 +67,7 @@ def links(world: World) -> IntArray:
 
 
 def transforms(world: World, cell: float, header: Header) -> list[TransformStamped]:
-    """From the map's frame to each robot's ``ROBOT/base_link``; robots of a grid have no heading and never turn."""
+    """From the frame of the map to ``ROBOT/base_link`` of each robot; robots on a grid have no heading."""
     result = []
     for name, (x, y) in zip(world.robots, _centres(world.x, world.y, cell).tolist(), strict=True):
         transform = TransformStamped(header=header, child_frame_id=f"{name.strip('/')}/base_link")
@@ -87,14 +77,19 @@ def transforms(world: World, cell: float, header: Header) -> list[TransformStamp
 
 
 def _centres(x: Sequence[int], y: Sequence[int], cell: float) -> FloatArray:
-    """``[N, 2]`` middles of cells, metres."""
+    """``[N, 2]`` centres of cells, metres."""
     return (np.stack([x, y], axis=1) + 0.5) * cell
 
 
 def _colours(robots: int, alpha: float) -> list[ColorRGBA]:
-    """``[robots]`` the robots' colours, from invisible (``alpha`` 0) to solid (1)."""
-    inks = [ColorRGBA(r=red, g=green, b=blue, a=alpha) for red, green, blue in COLOURS]
+    """``[robots]`` the colours of the robots, with the opacity ``alpha``."""
+    inks = [_colour(ink, alpha) for ink in OKABE_ITO]
     return [inks[robot % len(inks)] for robot in range(robots)]
+
+
+def _colour(ink: str, alpha: float) -> ColorRGBA:
+    red, green, blue = (value / 255 for value in rgb(ink))
+    return ColorRGBA(r=red, g=green, b=blue, a=alpha)
 
 
 def _shapes(
@@ -107,14 +102,14 @@ def _shapes(
     points: FloatArray,
     colours: Sequence[ColorRGBA] = (),
 ) -> Marker:
-    """A marker of many shapes, ``scale`` in cells, standing on the map; one that is removed where there are none."""
+    """A marker of many shapes, ``scale`` in cells, on top of the map; without points one that removes itself."""
     marker = Marker(header=header, ns=namespace, id=number, type=kind, action=Marker.ADD)
-    if len(points) == 0:  # RViz takes a list without points for a mistake
+    if len(points) == 0:  # RViz reports a list without points as an error
         marker.action = Marker.DELETE
         return marker
     marker.scale.x, marker.scale.y, marker.scale.z = (side * cell for side in scale)
     marker.pose.position.z = marker.scale.z / 2
-    marker.color = ColorRGBA(r=0.5, g=0.5, b=0.5, a=0.6)
+    marker.color = _colour(NEUTRAL, 0.6)
     marker.points = [Point(x=x, y=y) for x, y in points.tolist()]
     marker.colors = list(colours)
     return marker

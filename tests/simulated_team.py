@@ -111,7 +111,7 @@ def simulate_team(
                         if relayed:
                             bundle = FeatureBundle(episode=identity, tick=tick, round=exchange)
                             say("FeatureBundle", robot, f"/{NAMES[robot]}/heard", bundle, now + 2000, tick)
-                    carried = payload.carried(own.messages, encoding)
+                    carried = payload.round_trip(own.messages, encoding)
                     own = policy.hear(own, carried[np.maximum(rows, 0)], rows >= 0)
                 decision = policy.decide(own, np.array([s.stream for s in sights], dtype=np.uint64), tick)
                 for robot, sight in enumerate(sights):

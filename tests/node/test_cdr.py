@@ -72,6 +72,13 @@ def test_a_bundle_is_read_as_the_middleware_wrote_it(fields: tuple) -> None:
     *head, payloads = fields
     read = cdr.unpack_bundle(serialize_message(bundle_of(*fields)))
     assert read == (*head, len(payloads), b"".join(payloads))
+    assert read.split() == payloads
+
+
+@pytest.mark.parametrize(("messages", "length"), [(2, 5), (7, 6), (0, 1)])
+def test_a_bundle_that_cannot_be_split_says_why(messages: int, length: int) -> None:
+    with pytest.raises(ValueError, match=f"{messages} messages with {length} bytes"):
+        cdr.PackedBundle(1, 2, 3, 1, messages, bytes(length)).split()
 
 
 def big_endian_feature(episode: int, tick: int, number: int, tag: int, encoding: int, payload: bytes) -> bytes:
@@ -115,7 +122,7 @@ def test_what_follows_a_message_is_no_part_of_it() -> None:
 
 
 @pytest.mark.parametrize("big", [False, True], ids=["little-endian", "big-endian"])
-@pytest.mark.parametrize(("messages", "length"), [(2, 5), (7, 6), (65535, 10)])
+@pytest.mark.parametrize(("messages", "length"), [(2, 5), (7, 6), (65535, 10), (0, 4)])
 def test_a_bundle_whose_payloads_are_not_of_one_size_is_damaged(big: bool, messages: int, length: int) -> None:
     data = big_endian_bundle(1, 2, 3, 1, messages, bytes(length))
     if not big:

@@ -110,7 +110,7 @@ def test_what_is_missing_damaged_or_of_other_weights_is_refused(folder: Path, tm
     untouched = (copy / "onnx" / "contents.json").stat().st_mtime_ns
     assert exported(copy) == copy / "onnx"
     assert (copy / "onnx" / "contents.json").stat().st_mtime_ns == untouched
-    part = copy / "onnx" / "look.onnx"
+    part = copy / "onnx" / "perceive.onnx"
     before = part.read_bytes()
     part.write_bytes(before[:-1] + bytes([before[-1] ^ 1]))
     with pytest.raises(ModelError, match="damaged: export the policy"):

@@ -121,7 +121,9 @@ def test_each_round_of_each_layer_has_its_size_of_messages(
     ids=repr,
 )
 def test_values_out_of_range_are_refused(values: dict) -> None:
-    with pytest.raises(ModelError, match=r"sizes lie|at most 16|the limit is 4096|temperature|float32, float16, int8"):
+    with pytest.raises(
+        ModelError, match=r"three channels|at most 16|the limit is 4096|temperature|float32, float16, int8"
+    ):
         PolicyConfig(**values)
 
 

@@ -46,7 +46,7 @@ class Log:
         size = [(rng.random((8, n)) * 8 * 64).astype(int) / 64 for n in policy.config.message_sizes]
         self.others = [values.astype("<f4") for values in size]
 
-    def sight(
+    def observation(
         self, robot: int, tick: int = 0, audible: Sequence[int] = (), episode: int = EPISODE
     ) -> ReceivedObservation:
         """What a robot is told; it sends under its number + 1000 * (tick + 1)."""
@@ -54,7 +54,7 @@ class Log:
         return ReceivedObservation(episode, tick, robot, tag, frozenset(audible), self.views[robot].tobytes())
 
     def see(self, robot: int, tick: int = 0, audible: Sequence[int] = (), episode: int = EPISODE) -> bool:
-        return self.crew.see(robot, self.sight(robot, tick, audible, episode))
+        return self.crew.see(robot, self.observation(robot, tick, audible, episode))
 
     def message(self, stranger: int, tick: int = 0, number: int = 0, **changes: object) -> Message:
         """A stranger's message of round ``number``, under its number + 1 as tag."""
@@ -255,7 +255,7 @@ def test_a_tick_is_abandoned_when_the_next_one_begins(four_rounds: Policy, relay
         assert log.answers == []
         log.bundle(0, [1], tick=1, number=number) if relayed else log.hear(1, tick=1, number=number)
         log.bundle(1, tick=1, number=number) if relayed else None
-    assert {answer.sight.tick for _, answer in log.answers} == {1}
+    assert {answer.observation.tick for _, answer in log.answers} == {1}
     heard = [[1]] * 4
     assert log.decided() == {0: log.expected(0, *heard, tick=1), 1: log.expected(1, *[[]] * 4, tick=1)}
     assert log.crew.missing == 0
@@ -282,12 +282,12 @@ def test_an_observation_that_announces_more_than_can_be_heard_is_dropped(one_rou
 def test_a_repeated_observation_is_dropped_in_every_phase(one_round: Policy) -> None:
     log = Log(one_round, 2)
     log.see(0, audible=[1])
-    other = replace(log.sight(0), own_tag=5, field_of_view=log.views[7].tobytes())
+    other = replace(log.observation(0), own_tag=5, field_of_view=log.views[7].tobytes())
     repeated = 0
     for step in (lambda: None, partial(log.see, 1), partial(log.hear, 0), lambda: None):
         step()
-        for sight in (log.sight(0, audible=[1]), other):
-            assert not log.crew.see(0, sight)
+        for observation in (log.observation(0, audible=[1]), other):
+            assert not log.crew.see(0, observation)
             repeated += 1
             assert log.drops == repeated
             assert "repeated" in log.last_drop
@@ -319,7 +319,7 @@ def test_an_earlier_observation_is_dropped(one_round: Policy) -> None:
 def test_a_wrong_view_is_dropped_and_a_good_one_may_follow(one_round: Policy, view: bytes, why: str) -> None:
     log = Log(one_round, 2)
     for wrong in (0, 1):
-        assert not log.crew.see(wrong, replace(log.sight(wrong), field_of_view=view))
+        assert not log.crew.see(wrong, replace(log.observation(wrong), field_of_view=view))
         assert why in log.last_drop
         assert log.see(wrong) == (wrong == 0)
     assert log.drops == 2

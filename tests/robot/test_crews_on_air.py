@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from magat_robot.crew import Answer, Crew, Message, ReceivedObservation
 from magat_robot.policy.config import ENCODINGS
-from magat_robot.policy.payload import carried, encoded_bytes
+from magat_robot.policy.payload import encoded_bytes, round_trip
 from magat_robot.policy.policy import Decision, Policy
 from magat_sim.relay import Relay
 from magat_sim.simulator import Observation
@@ -77,9 +77,11 @@ class Team:
             crew, number = self.crew_of(robot)
             audible = frozenset(self.tags[j] for j in hears)
             view = observation.field_of_view[robot].tobytes()
-            sight = ReceivedObservation(EPISODE, tick, int(observation.streams[robot]), self.tags[robot], audible, view)
-            see = partial(self.crews[crew].see, number, sight)
-            self.pending.append(Delivery("sight", robot, deliver=see))
+            received = ReceivedObservation(
+                EPISODE, tick, int(observation.streams[robot]), self.tags[robot], audible, view
+            )
+            see = partial(self.crews[crew].see, number, received)
+            self.pending.append(Delivery("observation", robot, deliver=see))
         while self.pending or self._deadline():
             if self.pending:
                 delivery = self.pending.pop(rng.integers(len(self.pending)))
@@ -149,7 +151,7 @@ def reference(
     for lists in heard:
         places = max(map(len, lists), default=0)
         rows = np.array([[*row, *[-1] * (places - len(row))] for row in lists], np.int64).reshape(len(lists), places)
-        own = policy.hear(own, carried(own.messages, policy.config.encoding)[np.maximum(rows, 0)], rows >= 0)
+        own = policy.hear(own, round_trip(own.messages, policy.config.encoding)[np.maximum(rows, 0)], rows >= 0)
     return policy.decide(own, observation.streams, tick)
 
 
@@ -213,7 +215,7 @@ def test_decisions_do_not_depend_on_the_order_in_which_anything_arrives(
         assert [answers[i].heard for i in range(robots)] == audible.tolist()
         assert {answer.missing for answer in answers.values()} == {0}
         assert all(answer.compute > 0 for answer in answers.values())
-        assert [answers[i].sight.stream for i in range(robots)] == observation.streams.tolist()
+        assert [answers[i].observation.stream for i in range(robots)] == observation.streams.tolist()
         assert team.deadlines == 0
         # Each robot sends one message a round, under its own tag.
         rounds, size = len(policy.config.message_sizes), policy.config.message_sizes
@@ -255,8 +257,10 @@ def test_what_is_lost_is_missing_where_it_was_lost_and_nowhere_else(
     for tick in range(2):
         observation = random_team(rng, robots, side=16)
         gone: set[Delivery] = set()
-        share = dict.fromkeys(("sight", "message", "relay", "bundle"), rng.choice([0.0, 0.1, 0.4], p=[0.2, 0.5, 0.3]))
-        share |= {"sight": rng.choice([0.0, 0.2])}
+        share = dict.fromkeys(
+            ("observation", "message", "relay", "bundle"), rng.choice([0.0, 0.1, 0.4], p=[0.2, 0.5, 0.3])
+        )
+        share |= {"observation": rng.choice([0.0, 0.2])}
 
         def lost(delivery: Delivery, gone: set[Delivery] = gone, share: dict[str, float] = share) -> bool:
             if rng.random() < share[delivery.kind]:
@@ -264,7 +268,7 @@ def test_what_is_lost_is_missing_where_it_was_lost_and_nowhere_else(
             return delivery in gone
 
         answers = team.tick(observation, rng, lost, tick)
-        present = [robot for robot in range(robots) if Delivery("sight", robot) not in gone]
+        present = [robot for robot in range(robots) if Delivery("observation", robot) not in gone]
         assert answers.keys() == set(present)
 
         def came(sender: int, to: int, number: int, present: list[int] = present, gone: set[Delivery] = gone) -> bool:

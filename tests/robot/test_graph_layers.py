@@ -164,7 +164,7 @@ def test_a_team_decides_as_in_the_paper(made: Callable, kind: str, type_and_size
 def test_k_rounds_bring_the_features_shifted_k_times(made: Callable, kind: str) -> None:
     network = made(kind, "F-3-P4", taps=4)
     view, heard, rows = team(7)
-    state, present = network.look(view), heard >= 0
+    state, present = network.perceive(view), heard >= 0
     X = state.x.tolist()
     heads = [Head(network.layers[0], p) for p in range(4)]
     expected = [powers(head.shift(X, rows), X, 3) for head in heads]
@@ -244,10 +244,10 @@ def test_later_rounds_bring_what_others_heard_weighed_by_the_same_attention(
 def test_without_neighbours_only_the_own_term_is_left(made: Callable, kind: str, size: str) -> None:
     network = made(kind, size, taps=3)
     view, _, _ = team(6)
-    X = network.look(view).x.tolist()
+    X = network.perceive(view).x.tolist()
     expected = np.array(layer_by_hand(network.layers[0], X, [[]] * 6))
     for places in (0, 3):
-        state = network.look(view)
+        state = network.perceive(view)
         present = torch.zeros(6, places, dtype=torch.bool)
         for number in network.config.message_sizes:
             state = network.hear(state, torch.ones(6, places, number, dtype=torch.float64), present)
@@ -273,7 +273,7 @@ def test_heads_are_independent_and_stand_one_after_the_other(
     view, heard, _ = team(9)
 
     def fused() -> torch.Tensor:
-        state = network.look(view)
+        state = network.perceive(view)
         for _ in range(network.rounds):
             state = network.hear(state, network.message(state)[heard.clamp_min(0)], heard >= 0)
         return state.x
@@ -296,7 +296,7 @@ def test_only_the_bottleneck_carries_the_robots_own_features_past_the_exchange(m
             messages = network.message(state)[heard.clamp_min(0)]
             return network.logits(network.hear(state, messages, heard >= 0))
 
-        seen = network.look(view)
+        seen = network.perceive(view)
         other = replace(seen, features=torch.ones_like(seen.features))
         assert bool((logits(seen) != logits(other)).any()) is reaches
 
@@ -304,7 +304,7 @@ def test_only_the_bottleneck_carries_the_robots_own_features_past_the_exchange(m
 @pytest.mark.parametrize("name", ["MAGAT-B-32", "GNN_baseline-F-32"])
 def test_looking_gives_128_features_and_num_features_to_send(random_network: Callable, name: str) -> None:
     network = random_network(name)
-    state = network.look((torch.rand(4, 3, 11, 11) < 0.2).float())
+    state = network.perceive((torch.rand(4, 3, 11, 11) < 0.2).float())
     assert state.features.shape == (4, 128)
     assert network.message(state).shape == state.x.shape == (4, 32)
 
@@ -313,7 +313,7 @@ def test_what_each_round_sends_has_the_size_that_the_configuration_says(
     random_network: Callable, variant: dict
 ) -> None:
     network = random_network(**variant)
-    state = network.look((torch.rand(3, 3, 11, 11) < 0.2).float())
+    state = network.perceive((torch.rand(3, 3, 11, 11) < 0.2).float())
     sent = []
     for _ in range(network.rounds):
         message = network.message(state)

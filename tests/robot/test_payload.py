@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from magat_robot.policy.config import ENCODINGS
-from magat_robot.policy.payload import PayloadError, carried, decode, encode, encoded_bytes
+from magat_robot.policy.payload import PayloadError, decode, encode, encoded_bytes, round_trip
 
 MOST = 8.0
 #: On the grid of messages: multiples of 1/256.
@@ -34,7 +34,7 @@ def test_what_arrives_is_what_simulations_in_one_process_take_it_for(
     encoding: str, seed: int, rows: int, size: int, most: float
 ) -> None:
     sent = messages(np.random.default_rng(seed), rows, size, most)
-    taken = carried(sent, encoding)
+    taken = round_trip(sent, encoding)
     assert (taken.dtype, taken.shape) == (np.float32, sent.shape)
     for row, expected in zip(sent, taken, strict=True):
         data = encode(row, encoding)
@@ -48,7 +48,7 @@ def test_what_arrives_is_what_simulations_in_one_process_take_it_for(
 @given(seed=seeds, most=st.sampled_from([MOST, SUMS]))
 def test_what_arrives_lies_on_the_grid_and_within_its_range(encoding: str, seed: int, most: float) -> None:
     """Sums have no order on the grid only."""
-    taken = carried(messages(np.random.default_rng(seed), 5, 40, most), encoding)
+    taken = round_trip(messages(np.random.default_rng(seed), 5, 40, most), encoding)
     assert (taken / UNIT == np.rint(taken / UNIT)).all()
     assert ((taken >= 0) & (taken <= most)).all()
 
@@ -56,8 +56,8 @@ def test_what_arrives_lies_on_the_grid_and_within_its_range(encoding: str, seed:
 @pytest.mark.parametrize("encoding", ENCODINGS)
 @given(seed=seeds)
 def test_what_has_travelled_once_travels_on_unchanged(encoding: str, seed: int) -> None:
-    once = carried(messages(np.random.default_rng(seed), 5, 40), encoding)
-    again = carried(once, encoding)
+    once = round_trip(messages(np.random.default_rng(seed), 5, 40), encoding)
+    again = round_trip(once, encoding)
     # In 8 bits the steps are rounded to the grid, and so another time: half of one for each rounding.
     assert np.abs(again - once).max() <= (UNIT if encoding == "int8" else 0)
 
@@ -68,15 +68,15 @@ def test_every_number_of_a_message_survives_float32_and_float16(encoding: str, u
     every = (np.arange(int(MOST / unit) + 1) * unit).astype(np.float32)
     assert every[-1] == MOST
     assert decode(encode(every, encoding), every.size, encoding, MOST).tobytes() == every.tobytes()
-    assert carried(every[None], encoding).tobytes() == every.tobytes()
+    assert round_trip(every[None], encoding).tobytes() == every.tobytes()
 
 
 def test_sums_over_neighbours_lose_in_float16_what_its_mantissa_cannot_hold() -> None:
     every = (np.arange(int(SUMS / UNIT) + 1) * UNIT).astype(np.float32)
-    taken = carried(every[None], "float16")[0]
+    taken = round_trip(every[None], "float16")[0]
     assert np.abs(taken - every).max() <= 2.0**-1  # half the distance of neighbours at 2048
     assert (np.abs(taken - every) <= every * 2.0**-11).all()
-    assert carried(every[None], "float32").tobytes() == every.tobytes()
+    assert round_trip(every[None], "float32").tobytes() == every.tobytes()
 
 
 @given(seed=seeds, most=st.sampled_from([MOST, SUMS]))
@@ -84,12 +84,12 @@ def test_eight_bits_are_off_by_half_a_step_at_most(seed: int, most: float) -> No
     sent = messages(np.random.default_rng(seed), 6, 50, most)
     step = sent.max(axis=1, keepdims=True) / 255
     # Half a step, and half a unit of the grid to which the result is rounded.
-    assert (np.abs(carried(sent, "int8") - sent) <= step / 2 * 1.0001 + UNIT / 2).all()
+    assert (np.abs(round_trip(sent, "int8") - sent) <= step / 2 * 1.0001 + UNIT / 2).all()
 
 
 def test_eight_bits_keep_zeros_and_the_largest_number() -> None:
     sent = messages(np.random.default_rng(3), 20, 30)
-    taken = carried(sent, "int8")
+    taken = round_trip(sent, "int8")
     assert (taken[sent == 0] == 0).all()
     largest = sent == sent.max(axis=1, keepdims=True)
     assert (taken[largest] == sent[largest]).all()
@@ -98,16 +98,16 @@ def test_eight_bits_keep_zeros_and_the_largest_number() -> None:
 def test_eight_bits_make_a_difference() -> None:
     """Else nothing here would show whether they are used at all."""
     sent = messages(np.random.default_rng(3), 20, 30)
-    assert (carried(sent, "int8") != sent).mean() > 0.2
+    assert (round_trip(sent, "int8") != sent).mean() > 0.2
 
 
 def test_a_row_does_not_depend_on_its_company() -> None:
     sent = messages(np.random.default_rng(4), 40, 100)
     for encoding in ENCODINGS:
-        whole = carried(sent, encoding)
+        whole = round_trip(sent, encoding)
         for row, taken in zip(sent, whole, strict=True):
-            assert carried(row[None], encoding).tobytes() == taken.tobytes()
-        assert carried(sent[::-3], encoding).tobytes() == whole[::-3].tobytes()
+            assert round_trip(row[None], encoding).tobytes() == taken.tobytes()
+        assert round_trip(sent[::-3], encoding).tobytes() == whole[::-3].tobytes()
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
@@ -115,7 +115,7 @@ def test_encoding_changes_no_message_in_place(encoding: str) -> None:
     sent = messages(np.random.default_rng(5), 3, 9)
     before = sent.copy()
     encode(sent[1], encoding)
-    carried(sent, encoding)
+    round_trip(sent, encoding)
     assert sent.tobytes() == before.tobytes()
 
 

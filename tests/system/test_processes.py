@@ -167,9 +167,9 @@ def test_crews_that_cannot_be_are_refused_before_any_process_starts(arguments, s
 @pytest.mark.parametrize(
     ("namespace", "parameters", "said"),
     [
-        ("", {}, "the namespace / is the name of none of the robots ['']: start the node with -r __ns:=/NAME"),
-        ("/c", {"robots": ["a", "b"]}, "the namespace /c is the name of none of the robots ['a', 'b']"),
-        ("/a", {"robots": ["a", "b", "a"]}, "name none twice"),
+        ("", {}, "the namespace / is not the name of any of the robots ['']: start the node with -r __ns:=/NAME"),
+        ("/c", {"robots": ["a", "b"]}, "the namespace /c is not the name of any of the robots ['a', 'b']"),
+        ("/a", {"robots": ["a", "b", "a"]}, "name each only once"),
         ("/a", {"radio": "pigeon"}, "radio is 'pigeon'"),
         ("/a", {"encoding": "morse"}, "encoding is 'morse'"),
     ],

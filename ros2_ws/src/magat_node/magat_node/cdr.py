@@ -37,6 +37,18 @@ class PackedBundle(NamedTuple):
     messages: int
     payloads: bytes
 
+    def split(self) -> list[bytes]:
+        """The payloads of its ``messages`` messages, all of one size.
+
+        Raises:
+            ValueError: the bytes cannot be divided by the number of messages. `unpack_bundle` returns no such bundle.
+        """
+        length = len(self.payloads)
+        if not _divides(self.messages, length):
+            raise ValueError(f"a bundle of {self.messages} messages with {length} bytes: they are not all of one size")
+        size = length // max(self.messages, 1)
+        return [self.payloads[size * i : size * (i + 1)] for i in range(self.messages)]
+
 
 def pack_feature(episode: int, tick: int, number: int, tag: int, encoding: int, payload: bytes) -> bytes:
     """A serialised `Feature` of round ``number``."""
@@ -79,7 +91,12 @@ def unpack_bundle(data: bytes) -> PackedBundle | None:
         if len(payloads) != length:
             return None
         bundle = PackedBundle(episode, tick, number, encoding, messages, payloads)
-    return None if bundle is None or len(bundle.payloads) % max(bundle.messages, 1) else bundle
+    return None if bundle is None or not _divides(bundle.messages, len(bundle.payloads)) else bundle
+
+
+def _divides(messages: int, length: int) -> bool:
+    """Whether ``length`` bytes can be those of so many messages of one size."""
+    return length % messages == 0 if messages else length == 0
 
 
 def _message(data: bytes, kind: str) -> Any:

@@ -1,1 +1,1 @@
-"""What a robot carries: its copy of the policy, its side of the message exchange, and the node around them."""
+"""A robot: its policy (`policy`), its part in the exchange of messages (`crew`, `exchange`), and its node (`node`)."""

@@ -1,8 +1,8 @@
-"""The robots of one process, tick by tick: what they see and hear in, what they send and decide out. Free of ROS.
+"""The state machine of a tick, for the robots of one process (the crew). Free of ROS.
 
-A process carries one robot or many. Many share one policy and compute together, but exchange every message over the
-radio, among themselves too. As a policy's results do not depend on how many robots are computed together, each decides
-what it would decide alone.
+A process runs one robot or several. Several robots share one policy and are computed as one batch, but they exchange
+all messages over the radio, also with each other. The results of a policy do not depend on the batch, so each robot
+decides as if it ran alone.
 """
 
 import time
@@ -22,15 +22,15 @@ _OBSERVATION_BYTES = int(np.prod(OBSERVATION_SHAPE))
 
 @dataclass(frozen=True)
 class ReceivedObservation:
-    """What one robot is told in a tick."""
+    """The observation of one robot in a tick: `magat_interfaces/msg/Observation` without ROS."""
 
     episode: int
     tick: int
-    #: Seed of its random stream.
+    #: Seed of the robot's random stream.
     stream: int
-    #: What it sends under.
+    #: One-time tag of the messages that the robot sends in this tick.
     own_tag: int
-    #: Of the messages that it can hear.
+    #: Tags of the robots in radio range.
     audible_tags: frozenset[int]
     #: ``[3, 11, 11]`` of 0 and 1, as bytes.
     field_of_view: bytes
@@ -38,7 +38,7 @@ class ReceivedObservation:
 
 @dataclass(frozen=True)
 class Message:
-    """What one robot sends in one round."""
+    """The message of one robot in one round of a tick: `magat_interfaces/msg/Feature` without ROS."""
 
     episode: int
     tick: int
@@ -49,24 +49,27 @@ class Message:
 
 @dataclass(frozen=True)
 class Answer:
-    """What one robot decided."""
+    """The decision of one robot in a tick, and statistics of the tick."""
 
-    sight: ReceivedObservation
-    #: ``[5]`` float32.
+    observation: ReceivedObservation
+    #: ``[5]`` float32, natural logarithms of the primitives' probabilities.
     log_probabilities: npt.NDArray[np.float32]
+    #: The primitive drawn.
     primitive: int
-    #: Audible messages, less those that are missing: not there in time, or of no use, over all rounds.
+    #: Messages in radio range minus ``missing``; at least 0.
     heard: int
+    #: Messages in radio range that came too late, or were unusable, summed over all rounds.
     missing: int
-    #: Seconds of computing, the process's divided by its robots.
+    #: Seconds of computing in this process, divided by the number of robots.
     compute: float
 
 
 class Crew:
-    """M robots that carry one policy.
+    """The M robots of one process, which share one policy.
 
-    A tick begins with the first sight of it. When all M robots have theirs, they look and send; when everything audible
-    in a round is there, they hear it, and send again or decide. `overdue` goes on with what is there.
+    A tick begins with the first observation of it. When all M observations are there, the robots perceive and send the
+    first messages. When all audible messages of a round are there, the robots process them, and send the messages of
+    the next round or decide. `overdue` goes on without what is missing.
     """
 
     def __init__(
@@ -80,127 +83,130 @@ class Crew:
         """Wait for the first tick.
 
         Args:
-            policy: of all robots.
+            policy: shared by all robots.
             robots: M.
-            send: called with a robot's number, from 0, and what it sends.
-            answer: called with a robot's number and what it decided.
-            relayed: messages come as bundles (`hear_bundle`), not one by one (`hear`).
+            send: called with the number of a robot, from 0, and the message that it sends.
+            answer: called with the number of a robot and its decision.
+            relayed: messages arrive as bundles (`hear_bundle`), not one by one (`hear`).
         """
         config = policy.config
-        self.exchange = Exchange([payload.encoded_bytes(size, config.encoding) for size in config.message_sizes])
+        self.exchange = Exchange(payload.round_bytes(config, config.encoding))
+        #: Messages missing so far, of all robots.
         self.missing = 0
         self._policy, self._robots, self._send, self._answer = policy, robots, send, answer
         self._relayed = relayed
         self._at: tuple[int, int] | None = None
-        self._sights: dict[int, ReceivedObservation] = {}
-        self._own: LatentState | None = None  # rows: the robots of _sights, in their order
+        self._observations: dict[int, ReceivedObservation] = {}
+        self._latent: LatentState | None = None  # rows: the robots in the order of _observations
         self._round = 0
-        self._audible: frozenset[int] = frozenset()  # tags, by any of these robots
+        self._audible: frozenset[int] = frozenset()  # tags that any of these robots can hear
         self._awaited: set[int] = set()  # tags, or robots whose bundles are missing
         self._bundles: dict[int, list[bytes]] = {}
         self._lost = np.zeros(0, dtype=np.int64)
         self._compute = 0.0
 
-    # --- What comes in ---
+    # --- Input ---
 
-    def see(self, robot: int, sight: ReceivedObservation) -> bool:
-        """Take what ``robot`` is told; True if a tick begins with it."""
-        at, view = (sight.episode, sight.tick), sight.field_of_view
-        if len(view) != _OBSERVATION_BYTES:
-            self.exchange.drop(f"an observation of {len(view)} numbers, not {OBSERVATION_SHAPE}")
-        elif max(view) > 1:
-            self.exchange.drop(f"an observation that holds {max(view)}, where there are 0 and 1")
-        elif len(sight.audible_tags) > MOST_MESSAGES:
-            self.exchange.drop(f"an observation that announces {len(sight.audible_tags)} messages")
+    def see(self, robot: int, observation: ReceivedObservation) -> bool:
+        """Process the observation of ``robot``; True if a tick begins with it."""
+        at, field_of_view = (observation.episode, observation.tick), observation.field_of_view
+        if len(field_of_view) != _OBSERVATION_BYTES:
+            self.exchange.drop(f"an observation of {len(field_of_view)} numbers, not {OBSERVATION_SHAPE}")
+        elif max(field_of_view) > 1:
+            self.exchange.drop(f"an observation that holds {max(field_of_view)}, not only 0 and 1")
+        elif len(observation.audible_tags) > MOST_MESSAGES:
+            tags = len(observation.audible_tags)
+            self.exchange.drop(f"an observation that announces {tags} messages, more than {MOST_MESSAGES}")
         elif self._at is not None and self._at[0] == at[0] and at[1] < self._at[1]:
             self.exchange.drop(f"a late observation, of tick {at[1]} after {self._at[1]}")
-        elif at == self._at and (robot in self._sights or self._own is not None or not self._sights):
+        elif at == self._at and (robot in self._observations or self._latent is not None or not self._observations):
             self.exchange.drop(f"a repeated or late observation, of tick {at[1]}, which is under way")
         else:
             begins = at != self._at
             if begins:
-                self._at, self._sights, self._own, self._round, self._bundles = at, {}, None, 0, {}
+                self._at, self._observations, self._latent, self._round, self._bundles = at, {}, None, 0, {}
                 self.exchange.begin(*at)
-            self._sights[robot] = sight
-            if len(self._sights) == self._robots:
-                self._look()
+            self._observations[robot] = observation
+            if len(self._observations) == self._robots:
+                self._perceive()
             return begins
         return False
 
     def hear(self, message: Message) -> None:
-        """Take the message of any robot, near or far."""
-        mine = self.exchange.receive(message.episode, message.tick, message.round, message.tag, message.payload)
-        if mine and self._own is not None and message.round == self._round:
+        """Process a message that came over the direct radio, from any robot, in range or not."""
+        is_new = self.exchange.receive(message.episode, message.tick, message.round, message.tag, message.payload)
+        if is_new and self._latent is not None and message.round == self._round:
             self._awaited.discard(message.tag)
             if not self._awaited:
                 self._fuse()
 
     def hear_bundle(self, robot: int, episode: int, tick: int, number: int, payloads: Sequence[bytes]) -> None:
-        """Take all that ``robot`` can hear in round ``number``, in any order."""
-        # It may come before this process has looked: when that misses an observation, others go on without it.
-        awaiting = self._sights if self._own is not None else range(self._robots if self._sights else 0)
+        """Process all messages that ``robot`` hears in round ``number``, in any order, over the relayed radio."""
+        # A bundle may come before the robots of this process perceive: if one of them misses its observation, other
+        # processes do not wait for it.
+        awaiting = self._observations if self._latent is not None else range(self._robots if self._observations else 0)
         if (episode, tick) != self._at or number != self._round or robot not in awaiting or robot in self._bundles:
             self.exchange.drop(f"a late or repeated bundle, of round {number} of tick {tick}")
             return
         self._bundles[robot] = list(payloads)
-        if self._own is not None:
+        if self._latent is not None:
             self._awaited.discard(robot)
             if not self._awaited:
                 self._fuse()
 
     def overdue(self) -> None:
-        """The deadline of what is awaited is over: go on without it."""
-        if self._own is not None:
+        """Go on without what is missing, because the deadline is over."""
+        if self._latent is not None:
             self._fuse()
-        elif self._sights:
-            self._look()
+        elif self._observations:
+            self._perceive()
 
     @property
     def waiting(self) -> bool:
-        """A tick is under way."""
-        return bool(self._sights)
+        """Whether a tick is in progress."""
+        return bool(self._observations)
 
-    # --- Look, send, hear, decide ---
+    # --- Perceive, send, hear, decide ---
 
-    def _look(self) -> None:
+    def _perceive(self) -> None:
         started = time.monotonic()
-        self._sights = dict(sorted(self._sights.items()))
-        views = b"".join(sight.field_of_view for sight in self._sights.values())
-        self._own = self._policy.perceive(np.frombuffer(views, dtype=np.uint8).reshape(-1, *OBSERVATION_SHAPE))
-        self._lost = np.zeros(len(self._sights), dtype=np.int64)
-        self._audible = frozenset().union(*(sight.audible_tags for sight in self._sights.values()))
+        self._observations = dict(sorted(self._observations.items()))
+        data = b"".join(observation.field_of_view for observation in self._observations.values())
+        self._latent = self._policy.perceive(np.frombuffer(data, dtype=np.uint8).reshape(-1, *OBSERVATION_SHAPE))
+        self._lost = np.zeros(len(self._observations), dtype=np.int64)
+        self._audible = frozenset().union(*(observation.audible_tags for observation in self._observations.values()))
         self.exchange.listen(self._audible)
         self._compute = time.monotonic() - started
         self._send_round()
 
     def _send_round(self) -> None:
-        assert self._own is not None
-        # Awaited first: what is sent may come back at once.
+        assert self._latent is not None
+        # Set before sending, because the answers may arrive during the call that sends.
         if self._relayed:
-            self._awaited = self._sights.keys() - self._bundles.keys()
+            self._awaited = self._observations.keys() - self._bundles.keys()
         else:
             self._awaited = set(self._audible - self.exchange.kept(self._round).keys())
         ready = not self._awaited
-        for (robot, sight), values in zip(self._sights.items(), self._own.messages, strict=True):
+        for (robot, observation), values in zip(self._observations.items(), self._latent.messages, strict=True):
             data = payload.encode(values, self._policy.config.encoding)
-            self._send(robot, Message(sight.episode, sight.tick, self._round, sight.own_tag, data))
+            self._send(robot, Message(observation.episode, observation.tick, self._round, observation.own_tag, data))
         if ready:
             self._fuse()
 
     def _fuse(self) -> None:
-        assert self._own is not None
+        assert self._latent is not None
         started = time.monotonic()
         heard = self._decoded()
         counts = np.array([len(messages) for messages in heard])
-        audible = np.array([len(sight.audible_tags) for sight in self._sights.values()])
+        audible = np.array([len(observation.audible_tags) for observation in self._observations.values()])
         self._lost = self._lost + np.maximum(audible - counts, 0)
-        size = self._own.messages.shape[1]
+        size = self._latent.messages.shape[1]
         messages = np.zeros((len(heard), int(counts.max()), size), dtype=np.float32)
         for row, values in enumerate(heard):
             if values:
                 messages[row, : len(values)] = values
         present = np.arange(messages.shape[1]) < counts[:, None]
-        self._own = self._policy.hear(self._own, messages, present)
+        self._latent = self._policy.hear(self._latent, messages, present)
         self._round += 1
         self._bundles = {}
         self._compute += time.monotonic() - started
@@ -210,13 +216,13 @@ class Crew:
             self._decide()
 
     def _decoded(self) -> list[list[npt.NDArray[np.float32]]]:
-        """What each robot has heard in this round; what cannot be used is dropped."""
+        """The decoded messages of each robot in this round, without unusable ones, which are counted as dropped."""
         config = self._policy.config
         size = config.message_sizes[self._round]
         decoded: dict[bytes, npt.NDArray[np.float32] | str] = {}
 
         def usable(data: bytes) -> npt.NDArray[np.float32] | None:
-            if data not in decoded:  # each message once, however many robots of this process hear it
+            if data not in decoded:  # a message that several robots of this process hear is decoded once
                 try:
                     decoded[data] = payload.decode(data, size, config.encoding, config.largest)
                 except payload.PayloadError as error:
@@ -229,22 +235,25 @@ class Crew:
 
         kept = self.exchange.kept(self._round)
         result = []
-        for robot, sight in self._sights.items():
-            came = self._bundles.get(robot, []) if self._relayed else [kept[t] for t in sight.audible_tags if t in kept]
-            result.append([x for x in map(usable, came) if x is not None])
+        for robot, observation in self._observations.items():
+            if self._relayed:
+                received = self._bundles.get(robot, [])
+            else:
+                received = [kept[tag] for tag in observation.audible_tags if tag in kept]
+            result.append([x for x in map(usable, received) if x is not None])
         return result
 
     def _decide(self) -> None:
-        assert self._own is not None
+        assert self._latent is not None
         started = time.monotonic()
-        sights = list(self._sights.items())
-        streams = np.array([sight.stream for _, sight in sights], dtype=np.uint64)
-        decision: Decision = self._policy.decide(self._own, streams, sights[0][1].tick)
+        observations = list(self._observations.items())
+        streams = np.array([observation.stream for _, observation in observations], dtype=np.uint64)
+        decision: Decision = self._policy.decide(self._latent, streams, observations[0][1].tick)
         self.missing += int(self._lost.sum())
-        self._sights, self._own = {}, None
-        share = (self._compute + time.monotonic() - started) / len(sights)
+        self._observations, self._latent = {}, None
+        share = (self._compute + time.monotonic() - started) / len(observations)
         logs = decision.log_probabilities
-        for row, (robot, sight) in enumerate(sights):
+        for row, (robot, observation) in enumerate(observations):
             lost = int(self._lost[row])
-            heard = max(len(sight.audible_tags) - lost, 0)
-            self._answer(robot, Answer(sight, logs[row], int(decision.primitives[row]), heard, lost, share))
+            heard = max(len(observation.audible_tags) - lost, 0)
+            self._answer(robot, Answer(observation, logs[row], int(decision.primitives[row]), heard, lost, share))

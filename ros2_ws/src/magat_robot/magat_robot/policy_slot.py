@@ -1,4 +1,4 @@
-"""The policy that the robots of a process carry, and another one on its way to them. Free of ROS."""
+"""The robots' side of a deployment: prepares a new policy, switches to it, rolls it back. Free of ROS."""
 
 import tempfile
 from collections.abc import Mapping
@@ -8,37 +8,33 @@ from magat_robot.policy.backends import load_policy
 from magat_robot.policy.config import ModelError, PolicyConfig
 from magat_robot.policy.folder import write_files
 from magat_robot.policy.interface import RobotPolicy
-from magat_robot.policy.payload import encoded_bytes
-
-
-def longest_payload(config: PolicyConfig, encoding: str) -> int:
-    """Bytes of the longest payload that a robot with this policy sends."""
-    return max(encoded_bytes(size, encoding) for size in config.message_sizes)
+from magat_robot.policy.payload import longest_payload
 
 
 class PolicySlot:
-    """A process's policy, which deployments replace: each is prepared, then switched to, and may be rolled back.
+    """Holds the current policy of a process, and during a deployment also the next and the previous one.
 
-    Every deployment has a number. Doing again what is done changes nothing.
+    Each deployment has a number. It is prepared, then switched to, and may be rolled back. Repeated orders have no
+    effect.
     """
 
     def __init__(self, policy: RobotPolicy, backend: str, max_payload: int = 0) -> None:
-        """Carry ``policy``.
+        """Hold ``policy``.
 
         Args:
-            policy: that the process was started with. Its encoding stays, whatever is deployed: it is the team's.
-            backend: one of `magat_robot.policy.backends.BACKENDS`.
-            max_payload: bytes, the longest payload that a policy may send; as long as that of ``policy`` if 0.
+            policy: the policy that the process starts with. Its encoding is kept for all deployed policies.
+            backend: one of `magat_robot.policy.backends.BACKENDS`; also for deployed policies.
+            max_payload: the longest payload in bytes that a policy may send; 0: as long as that of ``policy``.
 
         Raises:
-            ModelError: ``policy`` sends longer ones.
+            ModelError: the payloads of ``policy`` are longer than ``max_payload``.
         """
         longest = longest_payload(policy.config, policy.config.encoding)
         self.policy = policy
         self.max_payload = max_payload or longest
-        #: Number of the deployment that `policy` came by; 0 for the first one.
+        #: Number of the deployment that brought `policy`; 0 for the policy that the process started with.
         self.deployment = 0
-        #: Number of the last deployment that was prepared, or refused, and why it was; empty if it was not.
+        #: Number of the last deployment that was prepared or refused, and the reason if it was refused.
         self.prepared, self.refusal = 0, ""
         self._backend = backend
         self._before: tuple[int, RobotPolicy] | None = None
@@ -49,20 +45,20 @@ class PolicySlot:
         """Load the policy of deployment ``number``, or refuse it.
 
         Args:
-            number: not 0.
-            digest: SHA-256 that its weights must have, hexadecimal.
-            files: of its folder, as `magat_robot.policy.folder.read_files` reads them.
+            number: of the deployment, not 0.
+            digest: expected SHA-256 of the weights, hexadecimal.
+            files: as `magat_robot.policy.folder.read_files` returns them.
         """
         if number in (self.deployment, self.prepared):
             return
         self.prepared, self.refusal, self._next = number, "", None
         try:
             self._next = self._load(digest, files)
-        except (ModelError, OSError) as error:  # or there is no room for its files
+        except (ModelError, OSError) as error:  # OSError: e.g. the disk is full
             self.refusal = str(error)
 
     def switch(self, number: int) -> bool:
-        """Carry the policy of deployment ``number``, if it was prepared; True if that is a change."""
+        """Switch to the policy of deployment ``number`` if it is prepared; True if the policy changes."""
         if number != self.prepared or self._next is None:
             return False
         self._before = self.deployment, self.policy
@@ -70,7 +66,7 @@ class PolicySlot:
         return True
 
     def roll_back(self, number: int) -> bool:
-        """Carry what was carried before deployment ``number``, and forget that; True if that is a change."""
+        """Return to the policy before deployment ``number`` and discard that deployment; True if the policy changes."""
         if number == self.prepared:
             self.prepared, self.refusal, self._next = 0, "", None
         if number != self.deployment or self._before is None:
@@ -93,5 +89,5 @@ class PolicySlot:
         if longest > self.max_payload:
             raise ModelError(
                 f"{config.name} sends up to {longest} bytes in a message, as {config.encoding}, and the robots' limit "
-                f"is {self.max_payload}: start them with -p max_payload:={longest} or another encoding"
+                f"is {self.max_payload}: start them with -p max_payload:={longest}, or with a shorter encoding"
             )

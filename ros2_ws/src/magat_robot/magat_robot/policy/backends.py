@@ -1,22 +1,26 @@
-"""A policy on a robot, computed by the library that the robot has."""
+"""The backends: makes a `RobotPolicy` of a policy folder, by the name of the library that computes it.
+
+Other modules about policy folders: `models` finds them, `folder` reads and checks their files without torch, `store`
+saves and loads weights with torch.
+"""
 
 from pathlib import Path
 from typing import Any
 
 from magat_robot.policy.interface import RobotPolicy
 
-#: torch is the reference; onnx (onnxruntime) decides alike to the last bit, several times faster, in less memory; echo
-#: computes nothing, to measure what all the rest costs.
+#: torch is the reference. onnx (onnxruntime) computes the same bits, several times faster and in less memory. echo
+#: computes nothing: it measures the cost of everything else.
 BACKENDS = ("torch", "onnx", "echo")
 
 _preloaded: dict[tuple[Path, str, tuple[tuple[str, Any], ...]], RobotPolicy] = {}
 
 
 def preload(folder: Path, backend: str, **changes: Any) -> None:
-    """Load a policy for processes to be forked, as `load_policy` does, whose first call with these arguments finds it.
+    """Load a policy before forking; the first `load_policy` with the same arguments in each child returns it.
 
-    Each process has its own copy, in memory that is shared as long as nobody writes to it. So it is shared in the
-    processor's caches, too, which hold one policy, and not those of ten robots.
+    The children share its memory until they write to it, and so also the processor's cache lines: the cache holds one
+    policy instead of one for each process.
 
     Raises:
         ModelError: the policy cannot be used.
@@ -29,12 +33,12 @@ def _key(folder: Path, backend: str, changes: dict[str, Any]) -> tuple[Path, str
 
 
 def load_policy(folder: Path, backend: str = "torch", **changes: Any) -> RobotPolicy:
-    """The policy in ``folder``, ready to decide, in one thread.
+    """Load the policy in ``folder``; it computes in one thread.
 
     Args:
-        folder: of the policy; for the backend onnx it has been exported.
+        folder: policy folder; exported beforehand (`magat_robot.policy.export`) for the backend onnx.
         backend: one of `BACKENDS`.
-        changes: fields of its configuration that are a matter of its deployment: temperature, encoding.
+        changes: values for the fields of its configuration that do not affect the weights: temperature, encoding.
 
     Raises:
         ModelError: the policy cannot be used.
@@ -42,7 +46,7 @@ def load_policy(folder: Path, backend: str = "torch", **changes: Any) -> RobotPo
     preloaded = _preloaded.pop(_key(folder, backend, changes), None)
     if preloaded is not None:
         return preloaded
-    # Each backend is imported only where it is used: either is larger than all the rest of a robot.
+    # Imported here, so that a robot loads one library only: each is larger than all the rest of the process.
     if backend == "onnx":
         from magat_robot.policy.onnx_policy import OnnxPolicy
 
@@ -55,5 +59,5 @@ def load_policy(folder: Path, backend: str = "torch", **changes: Any) -> RobotPo
 
     from magat_robot.policy.store import load
 
-    torch.set_num_threads(1)  # what a robot computes is small: threads would only wait for each other
+    torch.set_num_threads(1)  # a robot's computations are small: more threads would only wait for each other
     return load(folder, **changes)

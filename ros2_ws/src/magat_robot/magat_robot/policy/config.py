@@ -1,4 +1,4 @@
-"""What a policy is: the paper's name of it, and every number that the name leaves open."""
+"""The configuration of a policy: its name in the paper, and the settings that the name leaves open."""
 
 import re
 from dataclasses import asdict, dataclass, fields, replace
@@ -12,45 +12,45 @@ _NAME = re.compile(
     rf"(?P<layer>{'|'.join(LAYERS)})-(?P<type>[FB])-(?P<features>[0-9]{{1,9}})(-P(?P<heads>[0-9]{{1,9}}))?"
 )
 
-#: Shape of an observation: obstacles, robots, goal; the 9 x 9 field of view and the ring around it.
+#: Shape of the field of view: channels for obstacles, robots and goal; 9 x 9 cells and a ring of one cell around them.
 OBSERVATION_SHAPE = (3, 11, 11)
 #: idle, up, down, left, right.
 PRIMITIVES = 5
-#: No layer is wider, and there are no more rounds; a damaged configuration must not claim all memory.
+#: Limits of layer widths and of rounds, so that a damaged configuration cannot claim all memory.
 MAX_SIZE = 4096
 MAX_ROUNDS = 16
-#: Encodings of messages, and their numbers in `magat_interfaces/msg/Feature`.
+#: Encodings of messages (see `payload`), with their numbers in `magat_interfaces/msg/Feature`.
 ENCODINGS = {"float32": 0, "float16": 1, "int8": 2}
-#: The other way round.
+#: The encodings by number.
 ENCODING_NAMES = {number: name for name, number in ENCODINGS.items()}
 
 
 class ModelError(MagatError, ValueError):
-    """A policy folder, name or configuration that cannot be used; the message says why and what to do."""
+    """A policy folder, name or configuration that cannot be used."""
 
 
 @dataclass(frozen=True)
 class PolicyConfig:
-    """Configuration of a policy, checked when it is made.
+    """A validated configuration of a policy.
 
     Raises:
         ModelError: a value is out of range.
     """
 
-    #: The paper's name, ``[MAGAT|GNN|GAT|GNN_baseline]-[F|B]-[Num_features]``, ``-P[heads]`` for more than one head.
+    #: The paper's name, ``[MAGAT|GNN|GAT|GNN_baseline]-[F|B]-[Num_features]``, plus ``-P[heads]`` for several heads.
     name: str = "MAGAT-F-128"
     #: Channels of the CNN's three blocks.
     channels: tuple[int, int, int] = (32, 64, 128)
     #: Width of the action MLP's hidden layer.
     hidden: int = 128
-    #: Taps K of a graph layer: what K - 1 hops bring. 1 is a team that does not talk.
+    #: Taps K of a graph layer: it aggregates over K - 1 hops. With K = 1 robots send nothing.
     taps: int = 2
     #: Graph layers L.
     layers: int = 1
-    #: GNN only: S is the adjacency divided by the receiver's degree; otherwise the bare adjacency.
+    #: Layers without attention: S is the adjacency divided by the receiver's degree if true, else the bare adjacency.
     normalise: bool = True
-    #: How messages are encoded on the air: float32, float16 or int8, see `payload`. Robots that carry a policy may use
-    #: another one, as long as all do.
+    #: Encoding of messages: float32, float16 or int8, see `payload`. A team may use another one than its policy's, as
+    #: long as all robots use the same.
     encoding: str = "float32"
     #: Sampling temperature T: actions are drawn from softmax(logits / T).
     temperature: float = 1.0
@@ -60,16 +60,18 @@ class PolicyConfig:
             raise ModelError(f"unknown policy name {self.name!r}: use e.g. MAGAT-F-128, GNN-F-64 or MAGAT-B-32-P4")
         sizes = [*self.channels, self.hidden, self.features, self.heads, self.features * self.heads]
         if len(self.channels) != 3 or not all(1 <= size <= MAX_SIZE for size in sizes):
-            raise ModelError(f"there are three channels, and sizes lie within 1 and {MAX_SIZE}: {self}")
+            raise ModelError(f"{self}: give three channels, and keep all sizes within 1 and {MAX_SIZE}")
         if self.taps < 1 or self.layers < 1 or self.layers * (self.taps - 1) > MAX_ROUNDS or self.layers > MAX_ROUNDS:
             raise ModelError(
-                f"{self.layers} layers of {self.taps} taps: both are at least 1, and layers, as well as the rounds "
-                f"layers * (taps - 1), at most {MAX_ROUNDS}"
+                f"{self.layers} layers of {self.taps} taps: both must be at least 1; layers, and rounds of messages, "
+                f"which are layers * (taps - 1), at most {MAX_ROUNDS}"
             )
         if max(self.message_sizes) > MAX_SIZE:
-            raise ModelError(f"messages of {max(self.message_sizes)} numbers: the limit is {MAX_SIZE}")
+            raise ModelError(
+                f"messages of {max(self.message_sizes)} numbers: the limit is {MAX_SIZE}; use fewer features or heads"
+            )
         if self.encoding not in ENCODINGS:
-            raise ModelError(f"unknown encoding {self.encoding!r}: it is one of {', '.join(ENCODINGS)}")
+            raise ModelError(f"unknown encoding {self.encoding!r}: use one of {', '.join(ENCODINGS)}")
         if not 0.01 <= self.temperature <= 100:
             raise ModelError(f"temperature {self.temperature} is not within 0.01 and 100")
 
@@ -87,9 +89,9 @@ class PolicyConfig:
     def message_sizes(self) -> tuple[int, ...]:
         """How many numbers a robot sends in each round of a tick.
 
-        There are L (K - 1) rounds. From the second hop on, what came over the hops before travels on, head by head, and
-        with attention the sender's own x again: the receiver weighs each message by its contents alone. Robots that do
-        not talk (K = 1) have one round of empty messages.
+        There are L (K - 1) rounds. In the first hop of a layer a message is the sender's x. In later hops it is the
+        sender's aggregate of the hop before, head by head; with attention x is sent along, because receivers weigh
+        each message by its contents alone. With K = 1 there is one round of empty messages.
         """
         sizes = []
         for layer in range(self.layers):
@@ -100,7 +102,7 @@ class PolicyConfig:
 
     @property
     def largest(self) -> float:
-        """The largest number that a message can hold."""
+        """The largest value that a message can hold."""
         sums = not self.layer.attention and not self.normalise and self.taps > 2
         return SUM_MAX if sums else ACTIVATION_MAX
 
@@ -111,7 +113,7 @@ class PolicyConfig:
 
     @property
     def features(self) -> int:
-        """Num_features F: how many numbers a robot sends to its neighbours."""
+        """Num_features F: how many numbers a robot sends in the first round."""
         return int(self._part("features") or 0)
 
     @property
@@ -119,15 +121,17 @@ class PolicyConfig:
         """Number of attention heads, P."""
         return int(self._part("heads") or 1)
 
-    def deployed(self, **changes: Any) -> "PolicyConfig":
-        """The configuration with ``changes`` of what is a matter of deployment: temperature, encoding.
+    def with_changes(self, **changes: Any) -> "PolicyConfig":
+        """A copy with other values for fields that do not affect the weights: temperature, encoding.
 
         Raises:
-            ModelError: any other field, or a value out of range.
+            ModelError: another field is given, or a value is out of range.
         """
         fixed = changes.keys() - {"temperature", "encoding"}
         if fixed:
-            raise ModelError(f"{', '.join(sorted(fixed))} cannot be changed: the weights were trained so")
+            raise ModelError(
+                f"{', '.join(sorted(fixed))} cannot be changed after training: change temperature or encoding"
+            )
         return replace(self, **changes)
 
     def to_json(self) -> dict[str, Any]:
@@ -136,22 +140,22 @@ class PolicyConfig:
 
     @classmethod
     def from_json(cls, values: Any) -> "PolicyConfig":
-        """The configuration that `to_json` wrote.
+        """The configuration that `to_json` returned.
 
         Raises:
-            ModelError: unknown or missing keys, or values of the wrong kind.
+            ModelError: keys are unknown or missing, or values have the wrong type or are out of range.
         """
         known = {field.name for field in fields(cls)}
         if not isinstance(values, dict) or set(values) != known:
-            raise ModelError(f"a policy configuration has exactly the keys {sorted(known)}; this one: {values}")
+            raise ModelError(f"policy configuration {values}: it must have exactly the keys {sorted(known)}")
         channels, sizes = values["channels"], [values[size] for size in ("hidden", "taps", "layers")]
         whole = isinstance(channels, list) and all(type(size) is int for size in [*channels, *sizes])
         texts = isinstance(values["name"], str) and isinstance(values["encoding"], str)
         right = texts and type(values["normalise"]) is bool
         if not (whole and right and type(values["temperature"]) in (int, float)):
             raise ModelError(
-                f"unusable policy configuration {values}: sizes are whole numbers, name and encoding are texts, "
-                "normalise is true or false"
+                f"unusable policy configuration {values}: sizes must be whole numbers, name and encoding strings, "
+                "normalise true or false, temperature a number"
             )
         return cls(**values | {"channels": tuple(channels)})
 

@@ -1,4 +1,4 @@
-"""A policy that computes nothing: what a team does without its network, to measure what the rest costs."""
+"""The backend echo: no network, for measuring the cost of everything around it."""
 
 from pathlib import Path
 from typing import Any
@@ -13,20 +13,24 @@ from magat_robot.policy.sampling import choose, uniform
 
 
 class EchoPolicy:
-    """A `RobotPolicy` that sends messages of the size of another's, all zeros, and walks at random."""
+    """A `RobotPolicy` that computes nothing: its messages are zeros of the right size, its actions uniform draws."""
 
     def __init__(self, folder: Path, **changes: Any) -> None:
-        """Take over the configuration in ``folder``; ``changes`` as for `load_policy`.
+        """Read the configuration in ``folder``.
+
+        Args:
+            folder: policy folder.
+            changes: see `load_policy`.
 
         Raises:
-            ModelError: it is no policy folder.
+            ModelError: ``folder`` is no policy folder.
         """
         config, self.digest, _ = read_folder(folder)
-        self.config = config.deployed(**changes)
+        self.config = config.with_changes(**changes)
 
-    def perceive(self, view: npt.NDArray[np.uint8]) -> LatentState:
+    def perceive(self, field_of_view: npt.NDArray[np.uint8]) -> LatentState:
         """See `RobotPolicy.perceive`."""
-        return self._after(0, len(view))
+        return self._after(0, len(field_of_view))
 
     def hear(self, own: LatentState, messages: npt.NDArray[np.float32], present: npt.NDArray[np.bool_]) -> LatentState:
         """See `RobotPolicy.hear`."""

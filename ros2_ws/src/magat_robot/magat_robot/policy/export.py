@@ -1,4 +1,7 @@
-"""Exports a policy for onnxruntime, see `onnx_policy`."""
+"""Exports a policy to ONNX, for the backend onnx (`onnx_policy`).
+
+Each step of a tick becomes a file: one for `PolicyNetwork.perceive`, one for each round of `PolicyNetwork.hear`.
+"""
 
 import hashlib
 import json
@@ -16,52 +19,52 @@ from magat_robot.policy.folder import EXPORT
 from magat_robot.policy.network import NodeState, PolicyNetwork, to_fixed_point
 from magat_robot.policy.onnx_policy import (
     CONTENTS,
-    GIVEN,
+    FIELD_OF_VIEW,
     MESSAGE,
     MESSAGES,
+    OUTPUT,
     PRESENT,
-    RESULT,
     TEMPERATURE,
-    VIEW,
+    WEIGHTS,
     OnnxPolicy,
     part_names,
 )
 from magat_robot.policy.store import load_network
 
-#: Robots and messages in the examples that are traced.
+#: Robots, and places for messages, in the examples that are traced; both are dynamic in the exported parts.
 _ROBOTS, _PLACES = 3, 2
 
 
 def export(folder: Path) -> Path:
-    """Write the policy in ``folder`` to its folder ``onnx``; returns that.
+    """Export the policy in ``folder`` to its subfolder ``onnx``; returns the subfolder.
 
     Raises:
         ModelError: as `load_network`.
     """
-    network, digest = load_network(folder)
-    deployed = to_fixed_point(network)
-    fp.exp_weights(torch.zeros(1, 1, dtype=torch.float64))  # tables are made before they are traced
+    trained, digest = load_network(folder)
+    network = to_fixed_point(trained)
+    fp.exp_weights(torch.zeros(1, 1, dtype=torch.float64))  # creates its table, which is not to be traced
     draft = folder / f"{EXPORT}.draft"
     shutil.rmtree(draft, ignore_errors=True)
     draft.mkdir()
-    view = torch.zeros(_ROBOTS, *OBSERVATION_SHAPE)
+    field_of_view = torch.zeros(_ROBOTS, *OBSERVATION_SHAPE)
     temperature = {TEMPERATURE: torch.tensor(1.0, dtype=torch.float64)}
-    names = part_names(deployed.rounds)
-    part: _Part = _Look(deployed)
-    given, state = {VIEW: view}, deployed.look(view)
+    names = part_names(network.rounds)
+    part: _Part = _Perceive(network)
+    inputs, state = {FIELD_OF_VIEW: field_of_view}, network.perceive(field_of_view)
     for number, name in enumerate(names):
         if number > 0:
-            message = deployed.message(state)
+            message = network.message(state)
             heard = {
                 MESSAGES: message[:, None].expand(-1, _PLACES, -1).contiguous(),
                 PRESENT: torch.ones(_ROBOTS, _PLACES, dtype=torch.bool),
             }
-            part = _Hear(deployed, number - 1, list(_fields(state)))
-            given, state = _fields(state) | heard, deployed.hear(state, *heard.values())
-        if state.rounds == deployed.rounds:
-            _write(draft / name, part, given | temperature, [RESULT])
+            part = _Hear(network, number - 1, list(_fields(state)))
+            inputs, state = _fields(state) | heard, network.hear(state, *heard.values())
+        if state.rounds == network.rounds:
+            _write(draft / name, part, inputs | temperature, [WEIGHTS])
         else:
-            _write(draft / name, part, given, [*_fields(state), MESSAGE])
+            _write(draft / name, part, inputs, [*_fields(state), MESSAGE])
     files = {name: hashlib.sha256((draft / name).read_bytes()).hexdigest() for name in names}
     (draft / CONTENTS).write_text(json.dumps({"weights": digest, "files": files}, indent=2) + "\n")
     shutil.rmtree(folder / EXPORT, ignore_errors=True)
@@ -70,7 +73,7 @@ def export(folder: Path) -> Path:
 
 
 def exported(folder: Path) -> Path:
-    """As `export`, unless what is there is whole and of these weights."""
+    """As `export`, but does nothing where an intact export of the same weights is there."""
     try:
         OnnxPolicy(folder)
     except ModelError:
@@ -85,6 +88,8 @@ def _fields(state: NodeState) -> dict[str, Tensor]:
 
 
 class _Part(nn.Module):
+    """A step of a tick as a module from tensors to tensors, which can be traced."""
+
     def __init__(self, network: PolicyNetwork) -> None:
         super().__init__()
         self.network = network
@@ -93,13 +98,13 @@ class _Part(nn.Module):
         if temperature is not None:
             exponents = fp.snap(self.network.logits(state) / temperature, fp.EXPONENT_BITS, -1e6, 1e6)
             return (fp.exp_weights(exponents),)
-        # Copies: an output that is an input, or another output, would lose its name.
+        # Copies, because an output that is also an input, or another output, loses its name.
         return tuple(tensor.clone() for tensor in (*_fields(state).values(), self.network.message(state)))
 
 
-class _Look(_Part):
-    def forward(self, view: Tensor, temperature: Tensor | None = None) -> tuple[Tensor, ...]:
-        return self.outputs(self.network.look(view), temperature)
+class _Perceive(_Part):
+    def forward(self, field_of_view: Tensor, temperature: Tensor | None = None) -> tuple[Tensor, ...]:
+        return self.outputs(self.network.perceive(field_of_view), temperature)
 
 
 class _Hear(_Part):
@@ -120,14 +125,14 @@ def _write(path: Path, part: _Part, inputs: dict[str, Tensor], outputs: list[str
     for name, value in inputs.items():
         dynamic = {0: robots} if value.dim() else {}
         shapes.append(dynamic | ({1: places} if name in (MESSAGES, PRESENT) else {}))
-    logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # about packages that a policy does not use
+    logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it warns of missing packages that are not needed
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         program = torch.onnx.export(
             part.eval(),
             tuple(inputs.values()),
             input_names=list(inputs),
-            output_names=[GIVEN + name for name in outputs],
+            output_names=[OUTPUT + name for name in outputs],
             dynamic_shapes=(tuple(shapes),) if isinstance(part, _Hear) else tuple(shapes),
             dynamo=True,
             verbose=False,

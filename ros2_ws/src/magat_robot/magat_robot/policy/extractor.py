@@ -1,4 +1,4 @@
-"""The perception of a policy: the CNN that makes 128 features of what a robot sees (MAGAT paper, Sec. V-B, V-C)."""
+"""The CNN of a policy: extracts 128 features from a robot's field of view (MAGAT paper, Sec. V-B, V-C)."""
 
 from typing import NamedTuple
 
@@ -8,12 +8,12 @@ from torch.nn.utils import fuse_conv_bn_eval
 from magat_robot.policy import fixed_point as fp
 from magat_robot.policy.config import OBSERVATION_SHAPE
 
-#: Features extracted by the CNN, before their reduction to Num_features.
+#: Features that the CNN extracts, before they are reduced to Num_features.
 CNN_FEATURES = 128
 
 
 class ConvNorm(nn.Module):
-    """Convolution, then batch normalisation; the latter is folded into the former on deployment."""
+    """Convolution, then batch normalisation, which is folded into the convolution for fixed point."""
 
     def __init__(self, inputs: int, outputs: int, kernel: int, stride: int = 1) -> None:
         super().__init__()
@@ -25,7 +25,7 @@ class ConvNorm(nn.Module):
         return self.norm(self.conv(x))
 
     def fold(self) -> None:
-        """Fold the normalisation, with its running statistics, into the convolution."""
+        """Fold the normalisation and its running statistics into the convolution."""
         assert isinstance(self.norm, nn.BatchNorm2d)
         self.conv = fuse_conv_bn_eval(self.conv.eval(), self.norm.eval())
         self.norm = nn.Identity()
@@ -44,12 +44,12 @@ class ResidualBlock(fp.Exactable):
     def forward(self, x: Tensor) -> Tensor:
         """``[R, inputs, H, W]`` to ``[R, outputs, ceil(H / stride), ceil(W / stride)]``."""
         inner = fp.rectified(self.first(x), self.exact)
-        # Every stride-th cell first, then the convolution: several times faster than a strided one, backwards.
+        # Slicing before the 1x1 convolution makes the backward pass several times faster than a strided convolution.
         return fp.rectified(self.second(inner) + self.skip(x[:, :, :: self.stride, :: self.stride]), self.exact)
 
 
 class PlainBlock(fp.Exactable):
-    """Convolution-normalisation-sigma-MaxPool, and without the pool once more, unless it is the last block."""
+    """Convolution-normalisation-sigma-MaxPool; unless it is the last block, then convolution-normalisation-sigma."""
 
     def __init__(self, inputs: int, outputs: int, last: bool = False) -> None:
         super().__init__()
@@ -64,21 +64,27 @@ class PlainBlock(fp.Exactable):
 
 
 class Sum(NamedTuple):
-    """Convolutions whose outputs are added up, and the grid of what they get; see `fixed_point.weight_bits`."""
+    """Convolutions whose outputs are added up, and the range of their inputs; see `fixed_point.weight_bits`."""
 
     convs: tuple[ConvNorm, ...]
+    #: The inputs are multiples of ``2**-input_bits``, at most ``input_max`` in magnitude.
     input_bits: int
     input_max: float
 
 
 class FeatureExtractor(fp.Exactable):
-    """A stem and three blocks, then a linear layer: 11x11 cells to 128 features.
+    """The CNN: a convolution (the stem), three residual blocks, and a linear layer; 11x11 cells to 128 features.
 
-    The stem is a convolution and the blocks are residual ones; in GNN_baseline there is no stem, and the blocks are
-    those of the paper's earlier work (Li et al., IROS 2020).
+    The plain form, of GNN_baseline, has no stem, and the blocks of Li et al., IROS 2020.
     """
 
     def __init__(self, channels: tuple[int, int, int], plain: bool) -> None:
+        """Create the weights.
+
+        Args:
+            channels: output channels of the three blocks.
+            plain: plain blocks without a stem, instead of residual ones.
+        """
         super().__init__()
         first, second, third = channels
         self.stem = None if plain else ConvNorm(OBSERVATION_SHAPE[0], first, 3)
@@ -93,14 +99,14 @@ class FeatureExtractor(fp.Exactable):
         self.blocks = nn.Sequential(*blocks)
         self.linear = nn.Linear(third * (1 if plain else 9), CNN_FEATURES)
 
-    def forward(self, view: Tensor) -> Tensor:
+    def forward(self, field_of_view: Tensor) -> Tensor:
         """``[R, 3, 11, 11]`` float32 to ``[R, 128]``."""
-        x = view if self.stem is None else fp.rectified(self.stem(view), self.exact)
+        x = field_of_view if self.stem is None else fp.rectified(self.stem(field_of_view), self.exact)
         x = self.blocks(x).flatten(1)
         return fp.rectified(self.linear(x.to(self.linear.weight.dtype)), self.exact)
 
     def sums(self) -> list[Sum]:
-        """Its convolutions, grouped by the sums that they feed."""
+        """All convolutions, grouped by the sums that they contribute to."""
         zeros_and_ones, activations = (0, 1.0), (fp.ACTIVATION_BITS, fp.ACTIVATION_MAX)
         result = [] if self.stem is None else [Sum((self.stem,), *zeros_and_ones)]
         for block in self.blocks:

@@ -1,12 +1,10 @@
-"""Arithmetic that comes out the same however it is grouped.
+"""Fixed-point arithmetic, whose results do not depend on batch size, order of messages or number of threads.
 
-A robot computes alone, a simulator computes thousands of robots at once, and floating-point sums depend on the
-grouping: now and then such a difference would flip a decision, and from there on two runs of one episode would go
-separate ways. A deployed policy therefore computes on grids: weights and activations are multiples of powers of two,
-chosen so that every sum of products is exact (below 2**24 units in float32, 2**53 in float64). Exact sums have no
-order. What is not a sum of products is a single rounding of a single number, or a look-up in a table. So the same
-inputs give the same bits at any batch size, in any order of messages, on any number of threads, and a seed decides
-the rest.
+A robot computes alone, and a simulator computes thousands of robots at once. Floating-point sums depend on the order
+of their terms, and so on the batch. Such a difference would sometimes change a decision, and two runs of one episode
+would then diverge. Therefore weights and activations of a policy in fixed point are multiples of powers of two, chosen
+so that every sum of products is exact: it stays below 2**24 units in float32 and below 2**53 units in float64. Exact
+sums do not depend on their order. All other operations round a single number once or read a table.
 """
 
 import functools
@@ -20,10 +18,10 @@ from magat_robot.policy.grids import ACTIVATION_BITS, ACTIVATION_MAX, EXPONENT_B
 
 __all__ = ["ACTIVATION_BITS", "ACTIVATION_MAX", "EXPONENT_BITS", "SIGNED_MAX", "SUM_MAX"]
 
-#: exp() is rounded to multiples of 2**-EXP_TABLE_BITS.
+#: Values of exp() are rounded to multiples of 2**-EXP_TABLE_BITS.
 EXP_TABLE_BITS = 24
-#: Weights of layers computed in float64 are multiples of 2**-FLOAT64_WEIGHT_BITS, and add up to at most
-#: FLOAT64_WEIGHT_SUM in magnitude: times inputs of SUM_MAX in multiples of 2**-8, that stays below 2**53 units.
+#: Weights of layers computed in float64 are multiples of 2**-FLOAT64_WEIGHT_BITS, and their magnitudes add up to at
+#: most FLOAT64_WEIGHT_SUM. With inputs up to SUM_MAX in multiples of 2**-8, sums stay below 2**53 units.
 FLOAT64_WEIGHT_BITS = 16
 FLOAT64_WEIGHT_SUM = 2.0**16
 _FLOAT32_UNITS = 2.0**24
@@ -36,9 +34,9 @@ def snap(x: Tensor, bits: int, low: float, high: float) -> Tensor:
 
 
 class _Capped(torch.autograd.Function):
-    """clamp(0, ACTIVATION_MAX) whose gradient takes one pass over memory, in its input's layout.
+    """clamp(0, ACTIVATION_MAX) with a gradient that takes one pass over memory and keeps the input's layout.
 
-    torch's own takes four, or changes the layout: a fifth of all training time.
+    The gradient of torch's own clamp takes four passes or changes the layout, a fifth of all training time.
     """
 
     @staticmethod
@@ -54,18 +52,18 @@ class _Capped(torch.autograd.Function):
 
 
 def rectified(x: Tensor, exact: bool) -> Tensor:
-    """sigma: ReLU, capped at `ACTIVATION_MAX`; on the grid if ``exact``."""
+    """sigma: ReLU, capped at `ACTIVATION_MAX`; rounded to multiples of ``2**-ACTIVATION_BITS`` if ``exact``."""
     return snap(x, ACTIVATION_BITS, 0.0, ACTIVATION_MAX) if exact else _Capped.apply(x)
 
 
 class Exactable(nn.Module):
-    """A module that computes on these grids once it is deployed."""
+    """A module that computes in fixed point if ``exact`` is set, as `to_fixed_point` does."""
 
     exact = False
 
 
 def weight_bits(weights: list[Tensor], biases: list[Tensor], input_bits: int, input_max: float) -> Tensor:
-    """How finely the weights that feed each output channel may be stored so that its float32 sum stays exact.
+    """The resolution of each output channel's weights at which its float32 sum stays exact.
 
     Args:
         weights: tensors ``[C, ...]`` whose products are added up in output channel c.
@@ -75,10 +73,13 @@ def weight_bits(weights: list[Tensor], biases: list[Tensor], input_bits: int, in
 
     Returns:
         ``[C]`` the largest k, at most 14, for which the sum of magnitudes, in units of ``2**-(k + input_bits)``, stays
-        below 2**24 with a margin for the rounding of the weights themselves.
+        below 2**24, with a margin for the rounding of the weights themselves.
+
+    Raises:
+        ValueError: the weights are too large for any k from 0.
     """
     terms = sum(w[0].numel() for w in weights)
-    # In float64: in float32 these very sums would be rounded.
+    # In float64, because float32 would round these sums.
     magnitude = torch.stack([w.double().abs().flatten(1).sum(1) for w in weights]).sum(0)
     bias = torch.stack([b.double().abs() for b in biases]).sum(0)
     # Rounding changes each of the `terms` weights by at most half a unit, and the bias by less than one.
@@ -90,16 +91,20 @@ def weight_bits(weights: list[Tensor], biases: list[Tensor], input_bits: int, in
 
 
 def snap_rows(tensor: Tensor, bits: Tensor) -> Tensor:
-    """``tensor`` ``[C, ...]``, row c rounded to multiples of ``2**-bits[c]``."""
+    """``tensor`` ``[C, ...]`` with row c rounded to multiples of ``2**-bits[c]``."""
     unit = torch.exp2(-bits).view(-1, *[1] * (tensor.dim() - 1))
     return (tensor / unit).round() * unit
 
 
 def snap_float64(weights: Tensor, name: str) -> Tensor:
-    """``weights`` of a layer computed in float64, on their grid.
+    """``weights`` of a layer computed in float64, rounded to multiples of ``2**-FLOAT64_WEIGHT_BITS``.
+
+    Args:
+        weights: any shape, float64.
+        name: of the weights, for the error.
 
     Raises:
-        ValueError: they are too large; ``name`` names them.
+        ValueError: the weights are too large.
     """
     if weights.abs().sum() > FLOAT64_WEIGHT_SUM:
         raise ValueError(f"weights {name} of magnitude {float(weights.abs().max()):.3g} are too large for exact sums")
@@ -122,7 +127,7 @@ def exp_weights(exponents: Tensor, present: Tensor | None = None) -> Tensor:
         exponents = exponents.masked_fill(~present, -math.inf)
     below = exponents.amax(dim=-1, keepdim=True) - exponents
     table = _exp_table()
-    # A row with nobody present is inf - inf = nan: it counts as infinitely far below.
+    # Without any entry present a row is inf - inf = nan, and gets the weights of -inf, which are 0.
     steps = (
         (below * 2.0**EXPONENT_BITS).nan_to_num(len(table) - 1.0, posinf=len(table) - 1.0).clamp_max(len(table) - 1.0)
     )

@@ -1,4 +1,7 @@
-"""What is in a policy's folder, and whether it is whole. Free of torch."""
+"""The files of one policy folder: their names, reading and checking them, copying them. Free of torch.
+
+`store` saves and loads the weights in them with torch; `models` finds policy folders by name.
+"""
 
 import hashlib
 import json
@@ -9,13 +12,13 @@ from pathlib import Path
 from magat_robot.policy.config import ModelError, PolicyConfig
 
 WEIGHTS, CONFIG, CARD = "model.safetensors", "config.json", "card.md"
-#: Folder of the exported policy (`magat_robot.policy.export`), in the policy's own.
+#: Subfolder for the exported policy (`magat_robot.policy.export`).
 EXPORT = "onnx"
 _EXPORTED = re.compile(rf"{EXPORT}/\w[\w.]*")
 
 
 def read_folder(folder: Path) -> tuple[PolicyConfig, str, bytes]:
-    """The configuration in ``folder``, the digest of its weights, and these weights as they are stored.
+    """The configuration in ``folder``, the digest of the weights (SHA-256, hexadecimal), and the weights' file.
 
     Raises:
         ModelError: a file is missing or damaged.
@@ -35,16 +38,17 @@ def read_folder(folder: Path) -> tuple[PolicyConfig, str, bytes]:
     digest = hashlib.sha256(data).hexdigest()
     if digest != expected:
         raise ModelError(
-            f"{weights_file} is damaged or of another policy: its SHA-256 is {digest}, and {CONFIG} says {expected}"
+            f"{weights_file} is damaged or of another policy: its SHA-256 is {digest}, and {CONFIG} says {expected}; "
+            "fetch the policy again"
         )
     return config, digest, data
 
 
 def read_files(folder: Path) -> dict[str, bytes]:
-    """What robots need of the policy in ``folder``: its files by their names, with that of a subfolder before.
+    """The files in ``folder`` that a robot needs, by their relative paths: configuration, weights, exported policy.
 
     Raises:
-        ModelError: it is no whole policy folder.
+        ModelError: ``folder`` is no policy folder, or is damaged.
     """
     read_folder(folder)
     export = sorted(file for file in (folder / EXPORT).glob("*") if file.is_file())
@@ -53,10 +57,10 @@ def read_files(folder: Path) -> dict[str, bytes]:
 
 
 def write_files(files: Mapping[str, bytes], folder: Path) -> None:
-    """Write what `read_files` has read to ``folder``.
+    """Write the files that `read_files` returned to ``folder``.
 
     Raises:
-        ModelError: a name is none of a policy's file, as one that leads out of the folder.
+        ModelError: a name is not that of a file in a policy folder, e.g. it leads out of the folder.
     """
     for name in files:
         if name not in (CONFIG, WEIGHTS) and not _EXPORTED.fullmatch(name):

@@ -75,24 +75,26 @@ class GraphLayer(fp.Exactable, ABC):
             nn.init.kaiming_uniform_(matrix.T, nonlinearity="relu")
 
     def message(self, x: Tensor, aggregated: Tensor | None) -> Tensor:
-        """What a robot sends: its x ``[R, F]`` in the first round; later also what the rounds before ``aggregated`` it.
+        """The messages of the next hop: x in the first hop, x and the aggregate of the hop before in later ones.
+
+        A layer that overrides this must send as many numbers as `PolicyConfig.message_sizes` says.
 
         Args:
             x: ``[R, F]``.
-            aggregated: ``[R, P, F]``, of `receive`; None in the first round.
+            aggregated: ``[R, P, F]``, from `receive`; None in the first hop.
 
         Returns:
-            ``[R, F]``, later ``[R, F + P * F]``.
+            ``[R, F]`` in the first hop, ``[R, F + P * F]`` in later ones.
         """
-        # With x in each message, its receiver weighs it anew, and needs not know whose it was a round before.
+        # Each message repeats x, so that a receiver weighs it without knowing which message of the hop before it was.
         return x if aggregated is None else torch.cat([x, aggregated.flatten(1)], dim=1)
 
     def receive(self, x: Tensor, messages: Tensor, present: Tensor) -> Tensor:
-        """One hop: the weighed mean of what the neighbours sent, head by head.
+        """The aggregate of one hop: the weighted mean of the neighbours' messages, for each head.
 
         Args:
-            x: ``[R, F]`` the receivers' own.
-            messages: ``[R, M, F]`` or ``[R, M, F + P * F]`` (see `message`) in any order. M may be 0.
+            x: ``[R, F]`` of the receivers.
+            messages: ``[R, M, F]`` or ``[R, M, F + P * F]`` (see `message`), in any order. M may be 0.
             present: ``[R, M]`` bool, which of the M places hold a message.
 
         Returns:
@@ -109,15 +111,16 @@ class GraphLayer(fp.Exactable, ABC):
 
     @abstractmethod
     def attention(self, x: Tensor, keys: Tensor, present: Tensor) -> tuple[Tensor, Tensor]:
-        """How much each receiver listens to each of its messages.
+        """Attention of each receiver to each message.
 
         Args:
-            x: ``[R, F]`` the receivers' own.
-            keys: ``[R, M, F]`` the senders'.
-            present: ``[R, M]`` bool.
+            x: ``[R, F]`` of the receivers.
+            keys: ``[R, M, F]``, x of the senders.
+            present: ``[R, M]`` bool, which of the M places hold a message.
 
         Returns:
-            Weights ``[R, P, M]``, 0 where there is no message, and their sums ``[R, P, 1]``; e_ij is their quotient.
+            Unnormalised weights ``[R, P, M]``, 0 where there is no message, and their divisors ``[R, P, 1]``;
+            e_ij is the quotient.
         """
 
     def tap(self, hops: int, aggregated: Tensor) -> Tensor:
@@ -125,16 +128,16 @@ class GraphLayer(fp.Exactable, ABC):
         return torch.einsum("rpf,pfg->rpg", aggregated.expand(-1, self.heads, -1), self.taps[hops - 1]).flatten(1)
 
     def fold(self) -> None:
-        """Compute in advance what depends on weights alone; called once, on deployment."""
+        """Compute products of weights in advance; called once, by `to_fixed_point`."""
 
 
 class ScoredAttention(GraphLayer):
-    """A neighbour weighs the more, the higher its score: ``e_ij = softmax_j LeakyReLU(score_ij)`` (Eq. 6)."""
+    """Base of layers with ``e_ij = softmax_j LeakyReLU(score_ij)`` (Eq. 6); the subclasses define the scores."""
 
     def attention(self, x: Tensor, keys: Tensor, present: Tensor) -> tuple[Tensor, Tensor]:
-        """Softmax over what the receiver hears; see `GraphLayer.attention`."""
+        """Softmax over the messages of each receiver; see `GraphLayer.attention`."""
         scores = self.scores(x, keys)
-        scores = torch.maximum(scores, LEAKY_SLOPE * scores)  # LeakyReLU, in operators that every backend has
+        scores = torch.maximum(scores, LEAKY_SLOPE * scores)  # LeakyReLU, in operators that all backends have
         present = present[:, None, :].expand_as(scores)
         if self.exact:
             weights = fp.exp_weights(fp.snap(scores, fp.EXPONENT_BITS, -1e6, 1e6), present)
@@ -144,7 +147,7 @@ class ScoredAttention(GraphLayer):
 
     @abstractmethod
     def scores(self, x: Tensor, keys: Tensor) -> Tensor:
-        """``[R, P, M]``; arguments as for `attention`."""
+        """Scores ``[R, P, M]``; arguments as for `attention`."""
 
 
 @layer("MAGAT")
@@ -154,7 +157,7 @@ class MessageAwareAttention(ScoredAttention):
     def __init__(self, config: PolicyConfig, inputs: int) -> None:
         super().__init__(config, inputs)
         self.query = nn.Linear(inputs, self.heads * inputs, bias=False)  # x -> x W, head by head
-        # Scores start near zero, so that attention starts near the plain mean.
+        # Scores are initially near zero, so that attention starts near the unweighted mean.
         nn.init.normal_(self.query.weight, std=0.1 / inputs)
 
     def scores(self, x: Tensor, keys: Tensor) -> Tensor:
@@ -169,7 +172,7 @@ class MessageAwareAttention(ScoredAttention):
 class GraphAttention(ScoredAttention):
     """GAT: ``e_ij = softmax_j LeakyReLU((x_i A_1 || x_j A_1) H)`` (Eq. 6, 9; Velickovic et al., ICLR 2018).
 
-    The paper leaves open which A_k: it is that of the first hop, with which the same messages are fused.
+    The paper does not say which A_k is meant. Here it is A_1, which also maps the messages of the first hop.
     """
 
     def __init__(self, config: PolicyConfig, inputs: int) -> None:
@@ -184,22 +187,23 @@ class GraphAttention(ScoredAttention):
         return (x @ receiver.T)[:, :, None] + (keys @ sender.T).transpose(1, 2)
 
     def fold(self) -> None:
-        """``A_1 H`` is one vector for the receiver and one for the sender."""
-        if len(self.taps):  # robots that do not talk have nobody to weigh
-            self.double()  # in float32 the order of these sums, which is the machine's, would show
+        """Store ``A_1 H``, one vector for receivers and one for senders."""
+        if len(self.taps):  # with K = 1 there is no A_1
+            self.double()  # in float32 these sums would depend on the machine's order of adding
             self.folded = nn.Parameter(self._projections().detach(), requires_grad=False)
 
     def _projections(self) -> Tensor:
-        """``[2, P, F]``."""
+        """``A_1 H``: ``[2, P, F]``, for receivers and senders."""
         return torch.einsum("pfg,hpg->hpf", self.taps[0], self.pair)
 
 
 @layer("GNN", attention=False)
 @layer("GNN_baseline", attention=False, plain_cnn=True)
 class GraphConvolution(GraphLayer):
-    """GNN: all neighbours weigh the same, ``e_ij = 1`` (Eq. 3); S is the adjacency over the receiver's degree, or bare.
+    """GNN: all neighbours weigh the same, ``e_ij = 1`` (Eq. 3).
 
-    (The authors' code divides by the largest eigenvalue of the whole team's graph, which no robot knows.)
+    S is the adjacency divided by the receiver's degree, or the bare adjacency. (The authors' code divides by the
+    largest eigenvalue of the whole team's graph, which a robot cannot compute.)
     """
 
     def __init__(self, config: PolicyConfig, inputs: int) -> None:
@@ -207,18 +211,18 @@ class GraphConvolution(GraphLayer):
         self.normalise = config.normalise
 
     def message(self, x: Tensor, aggregated: Tensor | None) -> Tensor:
-        """As `GraphLayer.message`, but without x from the second round on: ``[R, F]``."""
+        """As `GraphLayer.message`, but without x in later hops: ``[R, F]``."""
         return x if aggregated is None else aggregated.flatten(1)
 
     def receive(self, x: Tensor, messages: Tensor, present: Tensor) -> Tensor:
-        """As `GraphLayer.receive`, but one for all heads: ``[R, 1, F]``."""
+        """As `GraphLayer.receive`, but the same for all heads: ``[R, 1, F]``."""
         weights, total = self.attention(x, messages, present)
         mean = (weights[:, :1] @ messages) / total[:, :1]
         high = fp.ACTIVATION_MAX if self.normalise else fp.SUM_MAX
         return fp.snap(mean, fp.EXPONENT_BITS, 0.0, high) if self.exact else mean.clamp_max(high)
 
     def attention(self, x: Tensor, keys: Tensor, present: Tensor) -> tuple[Tensor, Tensor]:
-        """The same for all that are present; see `GraphLayer.attention`."""
+        """Equal weights for all messages; see `GraphLayer.attention`."""
         weights = present[:, None, :].expand(-1, self.heads, -1).to(x.dtype)
         total = weights.sum(-1, keepdim=True).clamp_min(1.0)
         return weights, total if self.normalise else torch.ones_like(total)

@@ -1,4 +1,4 @@
-"""What was seen a moment ago need not be computed again."""
+"""A cache for `RobotPolicy.perceive`: fields of view that were there in the call before are not computed again."""
 
 from collections.abc import Callable
 
@@ -10,28 +10,28 @@ from magat_robot.policy.network import NodeState
 
 
 class LatentCache:
-    """Encodes views, those that have changed: of the others, the encoding is still known.
+    """Caches the latent states of the last call to ``perceive``, by field of view.
 
-    Who stands still among others that do sees the same, and many do as soon as they have arrived. An encoding follows
-    from its view alone, whatever is computed beside it (see `fixed_point`), so what is recalled has the bits of what
-    would be computed. Only the last call is remembered, which finds nearly all that could be found.
+    A robot that stands still among others that stand still sees the same again, and many robots do so once they have
+    arrived. A latent state depends on its field of view alone, not on the rest of the batch (see `fixed_point`), so
+    cached and computed states are the same to the last bit. Keeping only the last call finds nearly all repetitions.
     """
 
     def __init__(self, perceive: Callable[[npt.NDArray[np.uint8]], LatentState]) -> None:
-        """Remember nothing yet; ``perceive`` is a policy's, see `RobotPolicy`."""
+        """Start empty; ``perceive`` is a policy's, see `RobotPolicy`."""
         self._perceive = perceive
         self._row: dict[bytes, int] = {}
         self._known: LatentState | None = None
 
-    def perceive(self, view: npt.NDArray[np.uint8]) -> LatentState:
+    def perceive(self, field_of_view: npt.NDArray[np.uint8]) -> LatentState:
         """As the policy's ``perceive``: ``[R, 3, 11, 11]`` of 0 and 1."""
-        keys = [one.tobytes() for one in view]
+        keys = [one.tobytes() for one in field_of_view]
         rows = np.array([self._row.get(key, -1) for key in keys], dtype=np.int64)
         fresh = np.flatnonzero(rows < 0)
         if self._known is None or len(fresh) == len(rows):
-            known = self._perceive(view)
+            known = self._perceive(field_of_view)
         else:
-            known = _replaced(self._known, np.maximum(rows, 0), fresh, self._perceive(view[fresh]))
+            known = _replaced(self._known, np.maximum(rows, 0), fresh, self._perceive(field_of_view[fresh]))
         self._known, self._row = known, dict(zip(keys, range(len(keys)), strict=True))
         return known
 
@@ -39,7 +39,7 @@ class LatentCache:
 def _replaced(
     known: LatentState, rows: npt.NDArray[np.int64], fresh: npt.NDArray[np.int64], new: LatentState
 ) -> LatentState:
-    """The ``rows`` of ``known``, with ``new`` in the places ``fresh``; all of them before the first round."""
+    """The ``rows`` of ``known``, with ``new`` in the places ``fresh``; all states are before the first round."""
     old, now = known.state, new.state
     tensors = []
     for name in ("features", "x", "total"):

@@ -1,4 +1,4 @@
-"""Policies: where they are, a folder given as such or a name in the folders of models."""
+"""Finds policy folders, by path, name or digest. `folder` and `store` read what is in them."""
 
 import os
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ from magat_robot.policy.folder import CONFIG, WEIGHTS, read_folder
 
 
 def model_folders() -> Iterator[Path]:
-    """Folders that hold policies: ``$MAGAT_MODELS``, ``models`` here, and that of the checkout this code runs from."""
+    """The folders that policies are searched in: ``$MAGAT_MODELS``, ``./models``, and ``models`` of this checkout."""
     if "MAGAT_MODELS" in os.environ:
         yield Path(os.environ["MAGAT_MODELS"])
     yield Path("models")
@@ -22,23 +22,23 @@ def find_policy(name: str) -> Path:
     """The folder of the policy ``name``: a path, or a name such as MAGAT-F-128.
 
     Raises:
-        ModelError: there is none.
+        ModelError: there is no such policy.
     """
     candidates = [Path(name), *(folder / name for folder in model_folders())]
     for folder in candidates:
         if (folder / WEIGHTS).is_file():
             return folder.resolve()
     looked = ", ".join(str(folder) for folder in candidates)
-    raise ModelError(f"no policy {name!r}: looked for {WEIGHTS} in {looked}")
+    raise ModelError(f"no policy {name!r}: there is no {WEIGHTS} in {looked}")
 
 
 def all_policies() -> dict[str, Path]:
-    """Every policy folder, damaged ones included, in the folders of models, by its name.
+    """All policy folders in `model_folders`, damaged ones included, by name.
 
-    One whose name an earlier folder of models has already taken goes by its path.
+    The key is the path where an earlier folder has taken the name.
 
     Raises:
-        ModelError: there is none.
+        ModelError: there are no policies.
     """
     folders = dict.fromkeys(folder.resolve() for folder in model_folders())
     policies: dict[str, Path] = {}
@@ -52,11 +52,11 @@ def all_policies() -> dict[str, Path]:
 
 
 def policy_of_digest(digest: str) -> Path | None:
-    """The folder in the folders of models whose weights have this SHA-256; None if there is none."""
+    """The policy folder in `model_folders` whose weights have this SHA-256 (hexadecimal); None if there is none."""
     for folder in all_policies().values():
         try:
             if read_folder(folder)[1] == digest:
                 return folder
         except ModelError:
-            continue  # a damaged one is not what is looked for
+            continue  # damaged: not the one
     return None

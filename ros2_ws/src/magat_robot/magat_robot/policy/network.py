@@ -1,7 +1,7 @@
 """The network of a policy: CNN, feature reduction, graph layers, action MLP (MAGAT paper, Sec. IV and V-C).
 
-One definition, two ways to compute it: as built, the network is trained in float32; `to_fixed_point` turns a copy of it
-into the fixed-point form that robots and simulators run (see `fixed_point`).
+There is one definition and two forms: the network is built and trained in float32, and `to_fixed_point` converts a copy
+to the fixed-point form that robots and simulators run (see `fixed_point`).
 """
 
 import copy
@@ -18,17 +18,17 @@ from magat_robot.policy.graph import GraphLayer, build_layer
 
 @dataclass(frozen=True)
 class NodeState:
-    """What R robots have made of a tick so far, between rounds of messages."""
+    """The network's state for R robots between two rounds of messages."""
 
     #: ``[R, 128]`` the CNN's features; never sent.
     features: Tensor
-    #: Rounds of messages heard.
+    #: Rounds of messages processed so far in this tick.
     rounds: int
-    #: ``[R, F]`` what the current graph layer works on; after the last one, what all of them made of it.
+    #: ``[R, F]`` input of the current graph layer; output of the last layer once all rounds are over.
     x: Tensor
-    #: ``[R, P, F]`` what the current layer's rounds aggregated last; None before its first.
+    #: ``[R, P, F]`` aggregate of the current layer's last hop, ``[(E * S)^k X]``; None before its first hop.
     aggregated: Tensor | None
-    #: ``[R, P * G]`` the current layer's sum so far.
+    #: ``[R, P * G]`` the current layer's sum over taps so far.
     total: Tensor
 
 
@@ -51,20 +51,26 @@ class PolicyNetwork(fp.Exactable):
         """Rounds of messages in a tick."""
         return len(self.config.message_sizes)
 
-    def look(self, view: Tensor) -> NodeState:
-        """Before the exchange: ``[R, 3, 11, 11]`` float32."""
-        features = self.extractor(view)
+    def perceive(self, field_of_view: Tensor) -> NodeState:
+        """The state before the first round, from ``[R, 3, 11, 11]`` float32."""
+        features = self.extractor(field_of_view)
         x = fp.rectified(self.reduction(features), self.exact)
         return self._enter(0, NodeState(features, 0, x, None, x))
 
     def message(self, state: NodeState) -> Tensor:
-        """What each robot sends next: ``[R, n]``, n of `PolicyConfig.message_sizes`."""
+        """The messages of the next round: ``[R, n]``, n of `PolicyConfig.message_sizes`."""
         if self.config.taps == 1:
             return state.x[:, :0]
         return self._layer(state.rounds // (self.config.taps - 1)).message(state.x, state.aggregated)
 
     def hear(self, state: NodeState, messages: Tensor, present: Tensor) -> NodeState:
-        """One round: messages ``[R, M, n]`` in any order, ``present`` ``[R, M]`` bool says which places hold one."""
+        """The state after one more round.
+
+        Args:
+            state: before the round.
+            messages: ``[R, M, n]`` received messages, in any order.
+            present: ``[R, M]`` bool, which of the M places hold a message.
+        """
         rounds, hops = state.rounds + 1, self.config.taps - 1
         if hops == 0:
             return replace(state, rounds=rounds)
@@ -75,13 +81,15 @@ class PolicyNetwork(fp.Exactable):
         return state if hop + 1 < hops else self._leave(number, state)
 
     def attention(self, state: NodeState, messages: Tensor, present: Tensor) -> Tensor:
-        """How much each robot listens to what `hear` would hear: ``[R, P, M]``, e_ij of Eq. 7, or 1 where it adds up.
+        """Attention weights of the next round: ``[R, P, M]``, e_ij of Eq. 6; arguments as for `hear`.
+
+        Layers without attention give 1 over the receiver's degree, or 1 if they are not normalised.
 
         Raises:
-            ValueError: robots that do not talk (K = 1) have nobody to listen to.
+            ValueError: there are no messages, because K = 1.
         """
         if self.config.taps == 1:
-            raise ValueError(f"{self.config.name} has one tap: its robots do not talk, and there is no attention")
+            raise ValueError(f"{self.config.name} has one tap (K = 1): its robots send no messages to attend to")
         layer = self._layer(state.rounds // (self.config.taps - 1))
         weights, total = layer.attention(state.x, messages[:, :, : layer.inputs], present)
         return weights / total
@@ -92,17 +100,17 @@ class PolicyNetwork(fp.Exactable):
         logits = self.action(fp.rectified(self.hidden(x), self.exact))
         return fp.snap(logits, fp.EXPONENT_BITS, -fp.SIGNED_MAX, fp.SIGNED_MAX) if self.exact else logits
 
-    def forward(self, view: Tensor, heard: Tensor) -> Tensor:
-        """All of it, every robot hearing the rows that it names.
+    def forward(self, field_of_view: Tensor, heard: Tensor) -> Tensor:
+        """A whole tick of R robots, with the exchange of messages among them.
 
         Args:
-            view: ``[R, 3, 11, 11]``.
-            heard: ``[R, M]`` int64, rows that each robot hears, filled up with -1.
+            field_of_view: ``[R, 3, 11, 11]``.
+            heard: ``[R, M]`` int64, rows that each robot hears, padded with -1.
 
         Returns:
             ``[R, 5]`` logits.
         """
-        state, present, rows = self.look(view), heard >= 0, heard.clamp_min(0)
+        state, present, rows = self.perceive(field_of_view), heard >= 0, heard.clamp_min(0)
         for _ in range(self.rounds):
             state = self.hear(state, self.message(state)[rows], present)
         return self.logits(state)
@@ -123,37 +131,37 @@ class PolicyNetwork(fp.Exactable):
 
 
 def to_fixed_point(network: PolicyNetwork) -> PolicyNetwork:
-    """A copy of ``network`` in fixed point: normalisation folded, weights on their grids, exact sums.
+    """A copy of ``network`` in fixed point: normalisation folded, weights rounded to their units, all sums exact.
 
-    Convolutions stay in float32, everything after them is computed in float64.
+    Convolutions stay in float32; everything after them is computed in float64.
 
     Raises:
         ValueError: the weights are not finite (or a variance is negative), or too large for exact sums.
     """
-    deployed = copy.deepcopy(network).eval().requires_grad_(False)
-    _check_finite(deployed)
-    for module in list(deployed.modules()):
+    fixed = copy.deepcopy(network).eval().requires_grad_(False)
+    _check_finite(fixed)
+    for module in list(fixed.modules()):
         if isinstance(module, ConvNorm | GraphLayer):
             module.fold()
-    deployed.requires_grad_(False)
-    _check_finite(deployed)  # again: a negative variance becomes NaN
-    for added in deployed.extractor.sums():
+    fixed.requires_grad_(False)
+    _check_finite(fixed)  # again: folding turns a negative variance into NaN
+    for added in fixed.extractor.sums():
         _snap_convs(added)
-    for head in (deployed.extractor.linear, deployed.reduction, deployed.layers, deployed.hidden, deployed.action):
+    for head in (fixed.extractor.linear, fixed.reduction, fixed.layers, fixed.hidden, fixed.action):
         head.double()
-    for name, parameter in deployed.named_parameters():
+    for name, parameter in fixed.named_parameters():
         if parameter.dtype == torch.float64:
             parameter.copy_(fp.snap_float64(parameter, name))
-    for module in deployed.modules():
+    for module in fixed.modules():
         if isinstance(module, fp.Exactable):
             module.exact = True
-    return deployed
+    return fixed
 
 
 def _check_finite(network: PolicyNetwork) -> None:
     for name, tensor in network.state_dict().items():
         if not tensor.isfinite().all():
-            raise ValueError(f"weights {name} hold NaN or infinity: the file is damaged or training diverged")
+            raise ValueError(f"weights {name} hold NaN or infinity: the file is damaged, or training diverged")
 
 
 def _snap_convs(added: Sum) -> None:

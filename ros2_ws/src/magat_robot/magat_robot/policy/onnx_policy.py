@@ -1,7 +1,7 @@
-"""A policy computed by onnxruntime: the same bits as torch's, several times faster for one robot, without torch.
+"""The backend onnx: onnxruntime computes the same bits as torch, several times faster for one robot, without torch.
 
-`magat_robot.policy.export` writes what is read here. Exact sums have no order (see `fixed_point`), so another library's
-order of computing changes nothing.
+It reads the files that `magat_robot.policy.export` writes. All sums are exact (see `fixed_point`), so the order in
+which a library adds does not matter.
 """
 
 import hashlib
@@ -13,94 +13,89 @@ import numpy as np
 import numpy.typing as npt
 import onnxruntime
 
-from magat_robot.policy.config import OBSERVATION_SHAPE, ModelError
+from magat_robot.policy.config import ModelError
 from magat_robot.policy.folder import EXPORT, read_folder
-from magat_robot.policy.interface import Decision, LatentState
+from magat_robot.policy.interface import Decision, LatentState, check_field_of_view
 from magat_robot.policy.sampling import choose, uniform
 
-#: Table of contents of the exported policy.
+#: File that lists the parts, with their digests and that of the weights they were exported from.
 CONTENTS = "contents.json"
-#: What a session takes and gives besides the state.
-VIEW, MESSAGE, MESSAGES, PRESENT, TEMPERATURE, RESULT = (
-    "view",
-    "message",
-    "messages",
-    "present",
-    "temperature",
-    "weights",
-)
-
-#: Before the names of what a session gives: a graph has each name once.
-GIVEN = "given_"
+#: Names of the inputs and outputs of the parts, besides those of the state.
+FIELD_OF_VIEW = "field_of_view"
+MESSAGE = "message"
+MESSAGES = "messages"
+PRESENT = "present"
+TEMPERATURE = "temperature"
+WEIGHTS = "weights"
+#: Prefix of all outputs' names: in one ONNX graph, an input and an output cannot share a name.
+OUTPUT = "output_"
 
 
 def part_names(rounds: int) -> list[str]:
-    """The files of an exported policy, in the order in which they are run in a tick; the last one weighs, too."""
-    return ["look.onnx", *(f"hear_{number}.onnx" for number in range(rounds))]
+    """The files of an exported policy, in the order in which they run in a tick; the last one also gives weights."""
+    return ["perceive.onnx", *(f"hear_{number}.onnx" for number in range(rounds))]
 
 
-class _Session:
-    """A part of the policy that has been loaded: from values by name, of which it takes what it wants, to others."""
+class _Part:
+    """A loaded part of the exported policy: a function from named tensors to named tensors."""
 
     def __init__(self, data: bytes, options: onnxruntime.SessionOptions) -> None:
         self._session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
-        self._wanted = [wanted.name for wanted in self._session.get_inputs()]
-        self._given = [given.name.removeprefix(GIVEN) for given in self._session.get_outputs()]
+        self._inputs = [value.name for value in self._session.get_inputs()]
+        self._outputs = [value.name.removeprefix(OUTPUT) for value in self._session.get_outputs()]
 
     def __call__(self, values: dict[str, Any]) -> dict[str, Any]:
-        results = self._session.run(None, {name: values[name] for name in self._wanted})
-        return dict(zip(self._given, results, strict=True))
+        """``values`` may hold more than the inputs."""
+        results = self._session.run(None, {name: values[name] for name in self._inputs})
+        return dict(zip(self._outputs, results, strict=True))
 
 
 class OnnxPolicy:
-    """The exported policy in a folder, a `RobotPolicy`."""
+    """An exported policy, computed by onnxruntime, as a `RobotPolicy`."""
 
     def __init__(self, folder: Path, threads: int = 1, **changes: Any) -> None:
-        """Load it.
+        """Load the policy.
 
         Args:
-            folder: of the policy; it has been exported.
-            threads: of each computation.
-            changes: fields of its configuration that are a matter of its deployment: temperature, encoding.
+            folder: policy folder; the policy was exported to its subfolder ``onnx``.
+            threads: number of threads of onnxruntime.
+            changes: values for the fields of its configuration that do not affect the weights: temperature, encoding.
 
         Raises:
-            ModelError: it has not been exported, or is damaged, or was exported from other weights.
+            ModelError: the policy was not exported, or is damaged, or was exported from other weights.
         """
         config, self.digest, _ = read_folder(folder)
-        self.config = config.deployed(**changes)
+        self.config = config.with_changes(**changes)
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
         parts = _read_export(folder, self.digest, part_names(len(config.message_sizes)))
         try:
-            self._parts = [_Session(data, options) for data in parts]
-        except Exception as error:  # its own, which have nothing else in common
+            self._parts = [_Part(data, options) for data in parts]
+        except Exception as error:  # onnxruntime's errors have no other common base
             raise ModelError(f"onnxruntime cannot load {folder / EXPORT}: {error}") from error
         self._temperature = np.array(self.config.temperature)
 
-    def perceive(self, view: npt.NDArray[np.uint8]) -> LatentState:
+    def perceive(self, field_of_view: npt.NDArray[np.uint8]) -> LatentState:
         """See `RobotPolicy.perceive`."""
-        if view.shape[1:] != OBSERVATION_SHAPE:
-            raise ValueError(f"an observation has shape {OBSERVATION_SHAPE}, not {view.shape[1:]}")
-        if view.size and view.max() > 1:
-            raise ValueError(f"an observation holds 0 and 1, not {view.max()}")
-        return self._next(0, {VIEW: view.astype(np.float32)})
+        check_field_of_view(field_of_view)
+        return self._next(0, {FIELD_OF_VIEW: field_of_view.astype(np.float32)})
 
     def hear(self, own: LatentState, messages: npt.NDArray[np.float32], present: npt.NDArray[np.bool_]) -> LatentState:
         """See `RobotPolicy.hear`."""
-        if messages.shape[1] == 0:  # an empty place more changes nothing, and spares the operators an empty dimension
+        if messages.shape[1] == 0:  # the operators need at least one place; an empty one does not change the result
             messages, present = np.pad(messages, ((0, 0), (0, 1), (0, 0))), np.pad(present, ((0, 0), (0, 1)))
         heard = np.where(present[:, :, None], messages, np.float32(0)).astype(np.float64)
         return self._next(own.state["part"], own.state | {MESSAGES: heard, PRESENT: present})
 
     def decide(self, own: LatentState, streams: npt.NDArray[np.uint64], tick: int) -> Decision:
         """See `RobotPolicy.decide`."""
-        weights = own.state[RESULT]
+        weights = own.state[WEIGHTS]
         return Decision(weights, choose(weights, uniform(streams, tick)))
 
     def _next(self, part: int, values: dict[str, Any]) -> LatentState:
         state = self._parts[part](values | {TEMPERATURE: self._temperature})
-        # The last part weighs, and there is nothing to send any more.
-        message = state.pop(MESSAGE) if MESSAGE in state else np.zeros((len(state[RESULT]), 0))
+        # The last part gives weights, and no message.
+        message = state.pop(MESSAGE) if MESSAGE in state else np.zeros((len(state[WEIGHTS]), 0))
         return LatentState(state | {"part": part + 1}, message.astype(np.float32))
 
 

@@ -1,4 +1,4 @@
-"""From weights to a primitive: weighted sampling, repeatable robot by robot."""
+"""Draws primitives from weights; each robot has its own repeatable stream of random numbers."""
 
 import numpy as np
 import numpy.typing as npt
@@ -7,13 +7,13 @@ _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 
 
 def uniform(stream: npt.ArrayLike, tick: int) -> npt.NDArray[np.float64]:
-    """The number that each robot draws at ``tick`` from its own stream.
+    """The random number of each robot at ``tick``.
 
-    Counter based (SplitMix64, Steele et al., OOPSLA 2014): a robot that was restarted in mid-episode draws what it
-    would have drawn.
+    The generator is counter-based (SplitMix64, Steele et al., OOPSLA 2014), so a robot that is restarted during an
+    episode draws the same numbers as without the restart.
 
     Args:
-        stream: ``[R]`` uint64 seeds, one a robot.
+        stream: ``[R]`` uint64, the seeds of the robots' streams.
         tick: from 0.
 
     Returns:
@@ -28,10 +28,10 @@ def uniform(stream: npt.ArrayLike, tick: int) -> npt.NDArray[np.float64]:
 
 
 def choose(weights: npt.NDArray[np.float64], draws: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
-    """One of the alternatives, drawn by weight.
+    """Choose one alternative a row, with probabilities proportional to the weights.
 
     Args:
-        weights: ``[R, A]`` whole numbers below 2**50, at least one of each row above 0.
+        weights: ``[R, A]`` whole numbers below 2**50; at least one in each row is above 0.
         draws: ``[R]`` in [0, 1).
 
     Returns:

@@ -1,4 +1,8 @@
-"""Policy folders: ``model.safetensors`` (weights), ``config.json``, ``card.md`` (how it was trained, for people)."""
+"""Saves networks to policy folders and loads them, with torch.
+
+A policy folder holds ``model.safetensors`` (weights), ``config.json`` and ``card.md`` (how it was trained, for people).
+`folder` reads and checks the same files without torch.
+"""
 
 import hashlib
 import json
@@ -30,7 +34,7 @@ def save(network: PolicyNetwork, folder: Path, card: str) -> str:
 
 
 def load_network(folder: Path) -> tuple[PolicyNetwork, str]:
-    """The network in ``folder``, as trained, and the digest of its weights.
+    """The network in ``folder`` as trained, and the digest of its weights (SHA-256, hexadecimal).
 
     Raises:
         ModelError: a file is missing, damaged, or not of this configuration.
@@ -45,19 +49,19 @@ def load_network(folder: Path) -> tuple[PolicyNetwork, str]:
 
 
 def load(folder: Path, **changes: Any) -> Policy:
-    """The policy in ``folder``, ready to decide.
+    """The policy in ``folder``, in fixed point.
 
     Args:
-        folder: of the policy.
-        changes: fields of its configuration that are a matter of its deployment: temperature, encoding.
+        folder: policy folder.
+        changes: values for the fields of its configuration that do not affect the weights: temperature, encoding.
 
     Raises:
-        ModelError: as `load_network`, or a change out of range, or weights that are not finite or too large for exact
-            sums.
+        ModelError: as `load_network`; or a change is out of range; or the weights are not finite, or too large for
+            exact sums.
     """
     network, digest = load_network(folder)
-    network.config = network.config.deployed(**changes)
+    network.config = network.config.with_changes(**changes)
     try:
         return Policy(network, digest)
     except ValueError as error:
-        raise ModelError(f"{folder / WEIGHTS} cannot be deployed: {error}") from error
+        raise ModelError(f"{folder / WEIGHTS} cannot be used: {error}") from error

@@ -54,6 +54,8 @@ def test_names_have_the_robot_and_the_team_in_them():
     assert topics.OBSERVATION.name(robot="alice") == "alice/observation"
     assert topics.OBSERVATION.name(robot="alice", team="/warehouse") == "/warehouse/alice/observation"
     assert topics.WORLD.name(team="/warehouse") == "/warehouse/world"
+    assert topics.WORLD.name(team="") == "/world", "of a team at the root"
+    assert topics.WORLD.name() == "world"
     assert topics.TF.name(team="/warehouse") == "/tf"
 
 

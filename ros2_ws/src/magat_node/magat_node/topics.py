@@ -59,21 +59,22 @@ class Topic:
         package, _, name = self.type_name.split("/")
         return getattr(importlib.import_module(f"{package}.msg"), name)
 
-    def name(self, robot: str = "", team: str = "") -> str:
+    def name(self, robot: str = "", team: str | None = None) -> str:
         """The topic's name.
 
         Args:
             robot: the robot's name, for a topic of one robot.
-            team: the team's namespace without a slash at its end; if empty, the name is relative to the node's.
+            team: the team's namespace without a slash at its end, so that the root is empty. If None, the name is
+                relative to the namespace of the node that uses it.
         """
         name = self.pattern.replace(ROBOT, robot)
-        return name if not team or name.startswith("/") else f"{team}/{name}"
+        return name if team is None or name.startswith("/") else f"{team}/{name}"
 
     def qos(self, robots: int = 0, depth: int | None = None) -> QoSProfile:
         """Quality of service in a team of ``robots``; ``depth`` replaces the queue depth of the table."""
         return self.quality(self.depth + self.depth_per_robot * robots if depth is None else depth)
 
-    def publisher(self, node: Node, robot: str = "", team: str = "", robots: int = 0) -> Publisher:
+    def publisher(self, node: Node, robot: str = "", team: str | None = None, robots: int = 0) -> Publisher:
         """Create a publisher; see `name` and `qos`."""
         return node.create_publisher(self.message, self.name(robot, team), self.qos(robots))
 
@@ -82,7 +83,7 @@ class Topic:
         node: Node,
         callback: Callable[[Any], object],
         robot: str = "",
-        team: str = "",
+        team: str | None = None,
         robots: int = 0,
         depth: int | None = None,
         raw: bool = False,

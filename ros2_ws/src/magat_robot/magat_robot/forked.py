@@ -6,7 +6,6 @@ robot that is started alone. Forking happens before ROS is initialised, because 
 
 import argparse
 import contextlib
-import ctypes
 import os
 import signal
 import sys
@@ -14,11 +13,11 @@ import traceback
 from pathlib import Path
 from types import FrameType
 
+from magat_node.parent import end_with_parent
 from magat_robot import node
 from magat_robot.policy.backends import BACKENDS, preload
 from magat_robot.policy.config import ENCODINGS, ModelError
 
-_PR_SET_PDEATHSIG = 1
 #: Exit status of a process that a signal ended, as shells give it.
 _SIGNALLED = 128
 #: A process is restarted at most this often.
@@ -89,7 +88,7 @@ def _fork(ros_arguments: list[str]) -> int:
         return pid
     code = 1
     try:
-        ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        end_with_parent(signal.SIGKILL)
         if os.getppid() == parent:  # otherwise the parent died before prctl was called
             code = node.main(["robot", "--ros-args", *ros_arguments])
     except BaseException:  # printed here, because os._exit() below skips all frames above
@@ -108,12 +107,8 @@ def main(args: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="robots", description="Start the robots of a team, each in its own process.")
     parser.add_argument("names", nargs="+", metavar="NAME", help="name of a robot, which is its namespace")
     parser.add_argument("--policy", required=True, metavar="FOLDER", help="folder of the robots' policy")
-    parser.add_argument(
-        "--encoding", choices=ENCODINGS, default="", help="encoding of messages (default: the policy's)"
-    )
-    parser.add_argument(
-        "--backend", choices=BACKENDS, default="torch", help="library that computes the policy (default: torch)"
-    )
+    parser.add_argument("--encoding", choices=ENCODINGS, default="", help="of messages (default: the policy's)")
+    parser.add_argument("--backend", choices=BACKENDS, default="torch", help="computes the policy (default: torch)")
     parser.add_argument("--respawn", action="store_true", help="restart processes that are killed by a signal")
     parser.add_argument("--crew", type=int, default=1, metavar="M", help="robots in each process (default: 1)")
     options = parser.parse_args(args[:split])

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
-from magat_interfaces.msg import Deployment, Feature, FeatureBundle, Observation, Preference, RobotStatus
-from magat_node import cdr, qos
+from magat_interfaces.msg import Deployment, Observation, Preference, RobotStatus
+from magat_node import cdr, topics
 from magat_node.parameters import declare_choice, declare_count, declare_seconds, declare_value
 from magat_node.run import run_node
 from magat_robot.crew import Answer, Crew, Message, ReceivedObservation
@@ -90,7 +90,7 @@ class RobotNode(LifecycleNode):
             )
         if len(set(self.robots)) < len(self.robots):
             raise ValueError(f"the robots are {self.robots}: name each only once")
-        self._depth = qos.shared_depth(team_size)
+        self._team_size = team_size
         processes = team_size / len(self.robots)
         self._hello_every = max(1, math.ceil(processes / HELLO_PROCESSES))
         self._problem: str | None = None
@@ -124,27 +124,23 @@ class RobotNode(LifecycleNode):
         self._deadline = self.create_timer(self._feature_deadline, self._on_deadline)
         self._restart()
 
-        team, depth = self._team, self._depth
-        self._send_feature = self.create_publisher(Feature, f"{team}/feature", qos.newest(depth))
-        self._send_preference = self.create_publisher(Preference, f"{team}/preference", qos.newest(depth))
-        self._send_status = self.create_publisher(RobotStatus, f"{team}/robot_status", qos.reliable(depth))
+        team, size = self._team, self._team_size
+        self._send_feature = topics.FEATURE.publisher(self, team=team, robots=size)
+        self._send_preference = topics.PREFERENCE.publisher(self, team=team, robots=size)
+        self._send_status = topics.ROBOT_STATUS.publisher(self, team=team, robots=size)
         self._team_publishers = [self._send_feature, self._send_preference, self._send_status]
         # Callbacks with one argument do not get the middleware's information about the sender.
-        self._listening = [
-            self.create_subscription(Deployment, f"{team}/deployment", self._on_deployment, qos.latched(1))
-        ]
+        self._listening = [topics.DEPLOYMENT.subscription(self, self._on_deployment, team=team)]
         if self._radio == "direct":
-            hear_all = self._on_feature
             self._listening.append(
-                self.create_subscription(Feature, f"{team}/feature", hear_all, qos.newest(depth), raw=True)
+                topics.FEATURE.subscription(self, self._on_feature, team=team, robots=size, raw=True)
             )
         for number, name in enumerate(self.robots):
             observe = functools.partial(self._on_observation, number)
-            topic = f"{team}/{name}/observation"
-            self._listening.append(self.create_subscription(Observation, topic, observe, qos.newest(4)))
+            self._listening.append(topics.OBSERVATION.subscription(self, observe, robot=name, team=team))
             if self._radio == "relayed":
-                hear, topic = functools.partial(self._on_bundle, number), f"{team}/{name}/heard"
-                self._listening.append(self.create_subscription(FeatureBundle, topic, hear, qos.newest(8), raw=True))
+                hear = functools.partial(self._on_bundle, number)
+                self._listening.append(topics.HEARD.subscription(self, hear, robot=name, team=team, raw=True))
         self._beat = self.create_timer(HELLO_PERIOD, self._on_beat)
         return TransitionCallbackReturn.SUCCESS
 

@@ -158,7 +158,7 @@ def test_a_robot_has_details_while_it_is_chosen(talk):
 
 
 @pytest.mark.parametrize("odd", [{"action": [4, 3]}, {"missing": [0, 1]}])
-def test_features_and_preferences_are_subscribed_to_only_if_a_decision_does_not_follow_from_the_world(
+def test_messages_are_subscribed_to_only_if_a_decision_does_not_follow_from_the_world(
     talk, random_network, tmp_path, odd
 ):
     number = next(EPISODES)

@@ -224,13 +224,13 @@ def test_the_server_takes_the_next_free_port_or_the_given_one(serve):
     second = serve(Counting())
     assert second.port > first.port
     assert free_port() not in (first.port, second.port)
-    with pytest.raises(ServerError, match=f"the port {first.port} is taken"):
+    with pytest.raises(ServerError, match=f"the port {first.port} is in use"):
         PageServer(Counting(), port=first.port)
 
 
 @pytest.mark.parametrize("host", ["192.0.2.1", "no.such.host.invalid"])
 def test_an_address_that_is_not_this_machines_is_refused(host):
-    with pytest.raises(ServerError, match=f"{host} is no address of this machine"):
+    with pytest.raises(ServerError, match=f"{host} is not an address of this machine"):
         PageServer(Counting(), host)
 
 

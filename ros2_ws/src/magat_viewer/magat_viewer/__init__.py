@@ -1,4 +1,4 @@
-"""A local web page that shows a team: live, from the topics that any tool may listen to, or recorded.
+"""Shows a team, live or recorded: on a web page in the browser, and in RViz and Foxglove (`magat_viewer.rviz`).
 
-Everything here but ``node`` is free of ROS. What is shown of a recording comes from `magat_bringup.viewing`.
+The page's modules are free of ROS, except `node`, `serve`, `main`, `replay` and `world_check`.
 """

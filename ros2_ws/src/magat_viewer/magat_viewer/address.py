@@ -1,35 +1,35 @@
-"""Where the page is to be found: the address that its server listens on."""
+"""The address that the page's server listens on."""
 
 import errno
 import socket
 
 from magat_node.errors import MagatError
 
-#: This machine only, and the first port that is tried.
+#: The default address, reachable from this machine only, and the first port that is tried.
 HOST, PORT = "127.0.0.1", 8300
-#: Ports that are tried, from the first one on.
+#: Number of ports that are tried.
 _TRIES = 100
 
 
 class ServerError(MagatError, RuntimeError):
-    """The page cannot be served; the message says why and what to do."""
+    """The page cannot be served."""
 
 
 def free_port(host: str = HOST) -> int:
-    """A port for a server that is started in a moment.
+    """A free port for a server that starts later.
 
     Raises:
-        ServerError: none is free.
+        ServerError: no port is free.
     """
     with listen(host, None) as listener:
         return int(listener.getsockname()[1])
 
 
 def listen(host: str, port: int | None) -> socket.socket:
-    """A socket that listens on ``port``, or on the first free one from `PORT` on if that is None.
+    """A socket that listens on ``port``, or on the first free port from `PORT` on if it is None.
 
     Raises:
-        ServerError: the address is not this machine's, or no port is free.
+        ServerError: ``host`` is not an address of this machine, or no port is free.
     """
     ports = range(PORT, PORT + _TRIES) if port is None else [port]
     for number in ports:
@@ -37,7 +37,7 @@ def listen(host: str, port: int | None) -> socket.socket:
             family, *_, address = socket.getaddrinfo(host, number, type=socket.SOCK_STREAM)[0]
             listener = socket.socket(family, socket.SOCK_STREAM)
         except OSError as error:
-            raise ServerError(f"{host} is no address of this machine ({error}): give --host another one") from error
+            raise ServerError(f"{host} is not an address of this machine ({error}): give another --host") from error
         try:
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             listener.bind(address)
@@ -46,6 +46,6 @@ def listen(host: str, port: int | None) -> socket.socket:
         except OSError as error:
             listener.close()
             if error.errno == errno.EADDRNOTAVAIL:
-                raise ServerError(f"{host} is no address of this machine: give --host another one") from error
+                raise ServerError(f"{host} is not an address of this machine: give another --host") from error
     taken = f"{ports[0]}" if len(ports) == 1 else f"{ports[0]} to {ports[-1]}"
-    raise ServerError(f"the port {taken} is taken at {host}: choose another one by --port")
+    raise ServerError(f"the port {taken} is in use at {host}: give another --port")

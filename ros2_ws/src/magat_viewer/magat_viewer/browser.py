@@ -1,4 +1,4 @@
-"""The page in a headless Chromium of this machine: for tests, screenshots and the bench."""
+"""The page in a headless Chromium, for tests, screenshots and the bench."""
 
 import shutil
 import time
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
 _NAMES = ("chromium", "chromium-browser", "google-chrome")
-#: It draws on the processor, which every machine has, and asks nobody for anything.
+#: Chromium renders on the CPU, which every machine has, and makes no requests of its own.
 _ARGUMENTS = [
     "--no-sandbox",
     "--disable-gpu",
@@ -23,34 +23,34 @@ _ARGUMENTS = [
     "--disable-component-update",
     "--disable-sync",
 ]
-#: How long the page may take to show something, seconds.
+#: How long the page may take until it shows something, seconds.
 PATIENCE = 30.0
 
 
 class BrowserError(MagatError, RuntimeError):
-    """There is no browser, or the page does not do in it what it should; the message says what."""
+    """There is no browser, or the page does not work in it."""
 
 
 def find_chromium() -> Path:
-    """Where this machine's Chromium is.
+    """The path of Chromium.
 
     Raises:
-        BrowserError: there is none.
+        BrowserError: it is not installed.
     """
     for name in _NAMES:
         if found := shutil.which(name):
             return Path(found)
-    raise BrowserError(f"there is no {', '.join(_NAMES)}: install one, on Debian by apt install chromium")
+    raise BrowserError(f"none of {', '.join(_NAMES)} is installed: install one, on Debian with `apt install chromium`")
 
 
 @contextmanager
 def chromium() -> Iterator["Browser"]:
-    """A browser without a window, as long as the ``with`` statement lasts.
+    """A headless browser, for use in a ``with`` statement.
 
     Raises:
-        BrowserError: there is no Chromium.
+        BrowserError: Chromium is not installed.
     """
-    from playwright.sync_api import sync_playwright  # needed by nobody who only watches
+    from playwright.sync_api import sync_playwright  # not needed to view a page
 
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=find_chromium(), args=_ARGUMENTS)
@@ -63,28 +63,28 @@ def chromium() -> Iterator["Browser"]:
 def until(page: "Page", expression: str, patience: float = PATIENCE) -> Any:
     """Wait until a JavaScript expression is true, and return its value.
 
-    The page's own rules forbid what it evaluates to be given as text, so it is asked again and again from outside.
+    It polls, because the page's security policy forbids expressions that are evaluated inside the page.
 
     Raises:
-        BrowserError: it is not in time.
+        BrowserError: the expression is still false after ``patience`` seconds.
     """
     deadline = time.monotonic() + patience
     while not (value := page.evaluate(expression)):
         if time.monotonic() > deadline:
-            raise BrowserError(f"after {patience:g} s it is not true that {expression}")
+            raise BrowserError(f"the page did not show what was expected within {patience:g} s: {expression} is false")
         time.sleep(0.02)
     return value
 
 
 def screenshot(url: str, path: Path, width: int = 1440, height: int = 900) -> None:
-    """Write what the page at ``url`` shows, once it shows an episode and its chosen robot, to a PNG file.
+    """Write the page at ``url`` to a PNG file, once it shows an episode and the chosen robot.
 
     Raises:
-        BrowserError: there is no Chromium, or nothing is shown.
+        BrowserError: Chromium is not installed, or the page shows no episode.
     """
     with chromium() as browser:
         page = browser.new_page(viewport={"width": width, "height": height})
         page.goto(url)
         until(page, "Boolean(magat.player.frame && (magat.chosen() === null || magat.detail()))")
-        page.wait_for_timeout(300)  # texts follow a tenth of a second after
+        page.wait_for_timeout(300)  # texts are updated every 0.1 s
         page.screenshot(path=path)

@@ -1,4 +1,4 @@
-"""Follows the page's WebSocket as a browser does, without drawing anything: for tests and the bench."""
+"""A client of the page's WebSocket that draws nothing, for tests and the bench."""
 
 import asyncio
 import json
@@ -9,17 +9,17 @@ from typing import Any, Self
 
 import aiohttp
 
-#: Seconds between two tries to reach a server that is being started.
+#: Seconds between two attempts to connect.
 _RETRY = 0.2
 
 
 class Follower:
-    """In a ``with`` statement: takes all that the server says, in a thread of its own."""
+    """Receives the messages of a server, in a ``with`` statement, in its own thread."""
 
     def __init__(self, url: str, chosen: int | None = None) -> None:
-        """Follow the team of the page at ``url``; look at the robot of number ``chosen``, if that is given."""
+        """Connect to the page at ``url``, with the robot of number ``chosen`` if that is given."""
         self._url, self._chosen = url, chosen
-        #: How many messages of each kind have come; those with frames count as ``frames``.
+        #: Number of messages by kind; the kind of frames is ``frames``.
         self.counts: Counter[str] = Counter()
         #: The last message of each kind.
         self.last: dict[str, Any] = {}
@@ -50,11 +50,11 @@ class Follower:
 
     def _take(self, message: aiohttp.WSMessage) -> None:
         if message.type is aiohttp.WSMsgType.BINARY:
-            kind, said = "frames", message.data
+            kind, content = "frames", message.data
         else:
-            said = json.loads(message.data)
-            kind = said["kind"]
-        self.last[kind] = said
+            content = json.loads(message.data)
+            kind = content["kind"]
+        self.last[kind] = content
         self.counts[kind] += 1
 
     def __enter__(self) -> Self:

@@ -1,4 +1,4 @@
-"""The process ``viewer`` of a team: the page that shows it."""
+"""The process ``viewer`` of a team, which serves its page."""
 
 import sys
 
@@ -10,14 +10,14 @@ from magat_node import interruption
 from magat_node.parameters import declare_value
 from magat_node.run import give_way
 from magat_robot.policy.models import policy_of_digest
-from magat_viewer.address import HOST, ServerError
+from magat_viewer.address import HOST, PORT, ServerError
 from magat_viewer.node import LiveTeam
 from magat_viewer.serve import wait
 from magat_viewer.server import PageServer
 
 
 def main(args: list[str] | None = None) -> int:
-    """Show the team of this namespace until told to end. Returns the exit status."""
+    """Show the team of this namespace until interrupted. Returns the exit status."""
     give_way()
     interruption.watch()
     with interruption.deferred():
@@ -25,7 +25,7 @@ def main(args: list[str] | None = None) -> int:
         team = LiveTeam(rclpy.get_default_context(), policy_of_digest)
         try:
             host = declare_value(team.node, "host", HOST, "name or address to listen on")
-            port = declare_value(team.node, "port", 0, "TCP port to listen on; the first free one from 8300 on if 0")
+            port = declare_value(team.node, "port", 0, f"TCP port to listen on; 0 is the first free one from {PORT} on")
             with PageServer(team, host, port or None) as page:
                 team.node.get_logger().info(f"the page is at {page.url}")
                 wait(page, Console(quiet=True))

@@ -1,4 +1,4 @@
-"""``magat replay``: publishes what was to be seen of a recorded team again, for RViz, Foxglove and the page."""
+"""``magat replay``: publishes the recorded topics for tools again, for RViz, Foxglove and the page."""
 
 import os
 import time
@@ -26,21 +26,21 @@ PATIENCE = 10.0
 
 
 def replay(bag: Path, rate: float, rviz: bool, view: bool, delay: float, console: Console) -> int:
-    """Publish the world and what tools said of it (never what robots listen to), ``rate`` times as fast as it was.
+    """Publish the topics for tools, never those that robots subscribe to, ``rate`` times as fast as recorded.
 
     Args:
         bag: folder or file.
-        rate: above 0.
-        rviz: whether an RViz bridge draws the world; what a recorded one published is left out then.
+        rate: of the replay, above 0.
+        rviz: whether an RViz bridge draws the world; the recorded topics of an RViz bridge are not published then.
         view: whether there is a page for browsers.
-        delay: seconds before it begins, in which tools find it.
-        console: shows how far it is.
+        delay: seconds before the first message, in which tools can discover the topics.
+        console: shows the progress.
 
     Returns:
-        How many messages were published.
+        The number of published messages.
 
     Raises:
-        BagError: it cannot be read, or there is nothing to be seen in it.
+        BagError: the bag cannot be read, or has no World topic.
         TeamError: the RViz bridge or the page does not subscribe.
         ServerError: the page cannot be served.
         KeyboardInterrupt: interrupted.
@@ -49,7 +49,9 @@ def replay(bag: Path, rate: float, rviz: bool, view: bool, delay: float, console
     recorded = bag_topics(bag)
     world = next((name for name, kind in recorded.items() if kind.endswith("/World")), None)
     if world is None:
-        raise BagError(f"{bag} has no topic of a world: there is nothing to be seen in its {count} messages")
+        raise BagError(
+            f"{bag} has no topic of the type World among its {count} messages: it is not the recording of a team"
+        )
     namespace = world.removesuffix("world")
     context = rclpy.Context()
     with interruption.deferred(), ExitStack() as stack:
@@ -58,11 +60,11 @@ def replay(bag: Path, rate: float, rviz: bool, view: bool, delay: float, console
         node = rclpy.create_node("replay", context=context)
         executor = EventsExecutor(context=context)
         executor.add_node(node)
-        left_out = {topic.name for topic in rviz_topics()} if rviz else set()
+        replaced = {topic.name for topic in rviz_topics()} if rviz else set()
         publishers = {}
         for topic in shown_topics():
             name = topic.name if topic.name.startswith("/") else namespace + topic.name
-            if name in recorded and topic.name not in left_out | {"/rosout"}:
+            if name in recorded and topic.name not in replaced | {"/rosout"}:
                 publishers[name] = node.create_publisher(topic.kind, name, topic.profile)
         if rviz:
             executor.add_node(RvizBridge(context=context, namespace=namespace.rstrip("/") or "/"))
@@ -70,7 +72,7 @@ def replay(bag: Path, rate: float, rviz: bool, view: bool, delay: float, console
             page = stack.enter_context(live_page(context, namespace.rstrip("/") or "/"))
             console.print(f"The page is at {page.url}", highlight=False)
         if not _spin(executor, lambda: publishers[world].get_subscription_count() >= rviz + view, PATIENCE):
-            raise TeamError(f"what shows the world does not listen after {PATIENCE:g} s")
+            raise TeamError(f"the RViz bridge or the page did not subscribe within {PATIENCE:g} s")
         domain = os.environ.get("ROS_DOMAIN_ID", "0")
         console.print(f"In ROS domain {domain}: {', '.join(sorted(publishers))}", highlight=False)
         begin = time.monotonic() + delay

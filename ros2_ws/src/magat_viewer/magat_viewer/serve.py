@@ -1,4 +1,4 @@
-"""Serving the page of a team, live or recorded, until interrupted."""
+"""``magat view``: serves the page of a running or recorded team until it is interrupted."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -27,14 +27,14 @@ def view_bag(bag: Path, policy: str | None, host: str, port: int | None, at: str
 
     Args:
         bag: folder or file.
-        policy: name or folder of what the robots carried; found by its digest if None.
-        host: to listen on.
-        port: to listen on; the first free one if None.
-        at: what is shown first: the fragment of the page's address.
-        console: says where the page is.
+        policy: name or folder of the robots' policy; found by its digest if None.
+        host: name or address to listen on.
+        port: TCP port; the first free one if None.
+        at: fragment of the page's address, which selects what is shown first.
+        console: shows the address of the page.
 
     Raises:
-        BagError: it cannot be read.
+        BagError: the bag cannot be read.
         ModelError: there is no policy ``policy``.
         ServerError: the page cannot be served.
         KeyboardInterrupt: interrupted.
@@ -44,28 +44,28 @@ def view_bag(bag: Path, policy: str | None, host: str, port: int | None, at: str
 
 
 def save_screenshot(bag: Path, policy: str | None, at: str, file: Path, console: Console) -> None:
-    """Write the page of a recorded team to the PNG file ``file``; arguments and errors otherwise as of `view_bag`.
+    """Write the page of a recorded team to the PNG file ``file``; arguments and errors as for `view_bag`.
 
     Raises:
-        BrowserError: there is no Chromium, or the page shows nothing in it.
+        BrowserError: Chromium is not installed, or the page shows no episode.
     """
     from magat_viewer.browser import screenshot
 
     with PageServer(recorded_team(bag, policy, console)) as page:
         screenshot(f"{page.url}#{at}", file)
-    console.print(f"The page is in {file}", highlight=False)
+    console.print(f"The screenshot is in {file}", highlight=False)
 
 
 def recorded_team(bag: Path, policy: str | None, console: Console) -> "RecordedTeam":
-    """A recording, ready to be shown; arguments and errors as of `view_bag`."""
-    # Neither these nor torch are loaded by the page of a team that runs.
+    """The source of a recorded team; arguments and errors as for `view_bag`."""
+    # The page of a running team needs neither pandas nor, at first, torch, which take seconds to import.
     import torch
 
     from magat_recording.findings import attention_policy
     from magat_recording.tables import TeamRecording
     from magat_viewer.recorded import RecordedTeam
 
-    torch.set_num_threads(1)  # what one robot computes is small: threads would only wait for each other
+    torch.set_num_threads(1)  # one robot's network is small: more threads would only wait for each other
     with console.status(f"reading {bag}"):
         recording = TeamRecording(bag)
         carried, why = attention_policy(recording, policy)
@@ -76,13 +76,13 @@ def view_team(namespace: str | None, host: str, port: int | None, console: Conso
     """Show the team of this environment's ROS domain until interrupted.
 
     Args:
-        namespace: of the team; None if there is only one.
-        host: to listen on.
-        port: to listen on; the first free one if None.
-        console: says where the page is.
+        namespace: of the team; None if there is only one team.
+        host: name or address to listen on.
+        port: TCP port; the first free one if None.
+        console: shows the address of the page.
 
     Raises:
-        TeamError: there is no team, or more than one and no ``namespace``.
+        TeamError: there is no team, or there are several and ``namespace`` is None.
         ServerError: the page cannot be served.
         KeyboardInterrupt: interrupted.
     """
@@ -101,7 +101,7 @@ def view_team(namespace: str | None, host: str, port: int | None, console: Conso
 
 @contextmanager
 def live_page(context: Context, namespace: str, host: str = HOST, port: int | None = None) -> Iterator[PageServer]:
-    """The page of the team in ``namespace``, as long as the ``with`` statement lasts.
+    """The page of the running team in ``namespace``, for use in a ``with`` statement.
 
     Raises:
         ServerError: it cannot be served.
@@ -115,8 +115,13 @@ def live_page(context: Context, namespace: str, host: str = HOST, port: int | No
 
 
 def wait(page: PageServer, console: Console, at: str = "") -> NoReturn:
+    """Show the address of ``page``, with the fragment ``at``, and wait until interrupted.
+
+    Raises:
+        KeyboardInterrupt: interrupted.
+    """
     address = f"{page.url}#{at}" if at else page.url
-    console.print(f"The page is at {address} until Ctrl-C", highlight=False, markup=False)
+    console.print(f"The page is at {address} (Ctrl-C ends it)", highlight=False, markup=False)
     with interruption.deferred():
         while True:
             interruption.check()

@@ -1,4 +1,4 @@
-"""Whether a World message can be shown."""
+"""Validation of World messages before they are shown."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from magat_sim.grid import inside
 
 
 def fault(world: World) -> str | None:
-    """What keeps a world from being drawn, as the end of a sentence; or None."""
+    """Why a World message cannot be drawn, as the end of a sentence; None if it can."""
     robots, cells = len(world.robots), world.width * world.height
     columns = ("x", "y", "goal_x", "goal_y", "action", "moved", "silent", "missing", "visited")
     lengths = {name: len(getattr(world, name)) for name in columns}

@@ -1,1 +1,1 @@
-"""The map, the robots, tf and diagnostics of a team in ROS's common messages, for RViz and Foxglove."""
+"""The RViz bridge: a team as standard ROS messages (map, markers, tf, diagnostics) for RViz and Foxglove."""

@@ -1,4 +1,4 @@
-"""What a team says of itself, as diagnostics."""
+"""RobotStatus and World messages as diagnostics."""
 
 # mypy: disable-error-code="import-untyped,import-not-found"
 
@@ -9,33 +9,33 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from magat_interfaces.msg import RobotStatus, World
 
-#: A process whose status has stopped for so long is stale, seconds. While robots run it comes every 2 s.
+#: A process without a status for this long is stale, seconds. Running robots send one every 2 s.
 STALE_AFTER = 5.0
-#: Without a tick for so long, no episode runs, seconds.
+#: Without a tick for this long, no episode runs, seconds.
 IDLE_AFTER = 3.0
-#: At most so many robots are named in one line.
+#: Most robots that are named in one line.
 NAMED = 10
 
 
 @dataclass
 class _Process:
-    """What is known of one process of robots."""
+    """The last status of one process of robots."""
 
     status: RobotStatus
-    #: When its last status came, seconds.
-    heard: float
+    #: Time of its last status, seconds.
+    received: float
     #: Messages dropped and features missing, as of the last report.
     known: tuple[int, int]
-    #: What came to these between the last two reports that had a new status.
+    #: How much these grew between the last two reports with a new status.
     more: tuple[int, int] = (0, 0)
     fresh: bool = False
 
 
 class TeamDiagnostics:
-    """Keeps what the team says of itself, and makes diagnostics of it. Times are passed in, seconds."""
+    """Collects statuses and worlds, and reports diagnostics. All times are passed in, seconds."""
 
     def __init__(self, prefix: str, now: float) -> None:
-        """Begin at ``now``; names of diagnostics begin with ``prefix``."""
+        """Start at ``now``; ``prefix`` is put before the names of diagnostics."""
         self._prefix = prefix
         self._processes: dict[tuple[str, ...], _Process] = {}
         self._world: World | None = None
@@ -43,24 +43,24 @@ class TeamDiagnostics:
         self._ticks = 0
 
     def reported(self, status: RobotStatus, now: float) -> None:
-        """A status came."""
+        """Take a RobotStatus."""
         if not status.robots:
-            return  # a mistake, and nobody's
+            return  # an invalid status, which belongs to no process
         process = self._processes.get(tuple(status.robots))
         if process is None:
-            # What it counted before anybody looked is no news.
+            # Counts from before this node started are not reported.
             known = (status.messages_dropped, status.features_missing)
             self._processes[tuple(status.robots)] = _Process(status, now, known)
         else:
-            process.status, process.heard, process.fresh = status, now, True
+            process.status, process.received, process.fresh = status, now, True
 
     def ticked(self, world: World, now: float) -> None:
-        """A world came."""
+        """Take a World message."""
         self._world, self._ticked = world, now
         self._ticks += world.tick > 0
 
     def report(self, now: float) -> list[DiagnosticStatus]:
-        """The team as a whole, and each process of robots, since the last report."""
+        """The status of the team and of each process, since the last report."""
         self._forget(now)
         return [
             self._team(now),
@@ -68,12 +68,12 @@ class TeamDiagnostics:
         ]
 
     def _forget(self, now: float) -> None:
-        """Drop processes whose robots all run in others now: started anew, in other crews."""
-        alive = {name for names, p in self._processes.items() if now - p.heard < STALE_AFTER for name in names}
+        """Drop stale processes whose robots all run in other processes now, after a restart with other crews."""
+        alive = {name for names, p in self._processes.items() if now - p.received < STALE_AFTER for name in names}
         self._processes = {
             names: process
             for names, process in self._processes.items()
-            if now - process.heard < STALE_AFTER or not alive.issuperset(names)
+            if now - process.received < STALE_AFTER or not alive.issuperset(names)
         }
 
     def _team(self, now: float) -> DiagnosticStatus:
@@ -105,15 +105,15 @@ class TeamDiagnostics:
         return status
 
     def _robots(self, names: tuple[str, ...], process: _Process, now: float) -> DiagnosticStatus:
-        said = process.status
+        known = process.status
         if process.fresh:
-            counts = (said.messages_dropped, said.features_missing)
-            # Counts that fell are those of a process that was started anew.
+            counts = (known.messages_dropped, known.features_missing)
+            # Counts fall only if the process has started again.
             process.more = tuple(n - k if n >= k else n for n, k in zip(counts, process.known, strict=True))
             process.known, process.fresh = counts, False
         others = f" and {len(names) - 1} more" if len(names) > 1 else ""
         status = DiagnosticStatus(name=f"{self._prefix}: {names[0]}{others}", hardware_id=names[0])
-        silence = now - process.heard
+        silence = now - process.received
         dropped, missing = process.more
         if silence >= STALE_AFTER:
             status.level, status.message = DiagnosticStatus.STALE, f"no status for {silence:.0f} s"
@@ -122,19 +122,19 @@ class TeamDiagnostics:
             status.message = f"{dropped} messages dropped, {missing} features missing since the last report"
         else:
             status.level = DiagnosticStatus.OK
-            status.message = "running" if said.state == RobotStatus.RUNNING else "waiting"
+            status.message = "running" if known.state == RobotStatus.RUNNING else "waiting"
         status.values = _values(
             robots=_listed(names),
-            state="running" if said.state == RobotStatus.RUNNING else "waiting",
-            policy=said.policy,
-            digest=said.digest,
-            encoding=said.encoding,
-            radio=said.radio,
-            peers_heard=said.peers_heard,
-            ticks=said.ticks,
-            features_missing=said.features_missing,
-            messages_dropped=said.messages_dropped,
-            last_drop=said.last_drop,
+            state="running" if known.state == RobotStatus.RUNNING else "waiting",
+            policy=known.policy,
+            digest=known.digest,
+            encoding=known.encoding,
+            radio=known.radio,
+            peers_heard=known.peers_heard,
+            ticks=known.ticks,
+            features_missing=known.features_missing,
+            messages_dropped=known.messages_dropped,
+            last_drop=known.last_drop,
         )
         return status
 

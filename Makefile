@@ -69,6 +69,10 @@ format: setup ## Format the Python code
 	@$(BIN)/ruff check --fix-only .
 	@$(BIN)/ruff format .
 
+.PHONY: docs
+docs: setup ## Build the documentation as a site, into site/; warnings are errors
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
 .PHONY: clean
 clean: ## Remove the output of the build and of the tools, but not .venv
-	rm -rf ros2_ws/build ros2_ws/install ros2_ws/log .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf ros2_ws/build ros2_ws/install ros2_ws/log site .mypy_cache .pytest_cache .ruff_cache .hypothesis

@@ -4,6 +4,7 @@ All of this is computed from the sources, which are not imported. Imports in fun
 """
 
 import ast
+import re
 import sys
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
@@ -148,6 +149,13 @@ def started_programs(path: Path) -> set[str]:
     return {value.value for value in values if isinstance(value, ast.Constant) and isinstance(value.value, str)}
 
 
+def message_packages(path: Path) -> set[str]:
+    """The packages of the messages that a file names in texts, such as "std_msgs/msg/Empty"."""
+    texts = [node.value for node in ast.walk(ast.parse(path.read_text(), str(path))) if isinstance(node, ast.Constant)]
+    found = (re.match(r"(\w+)/(?:msg|srv|action)/", text) for text in texts if isinstance(text, str))
+    return {match[1] for match in found if match}
+
+
 def test_every_package_has_its_place() -> None:
     assert {path.parent.name for path in SOURCES.glob("*/package.xml")} == set(ORDER), "mend ORDER in this file"
 
@@ -180,11 +188,11 @@ def test_no_package_is_too_large() -> None:
 
 @pytest.mark.parametrize("package", [name for name in ORDER if name != "magat_interfaces"])
 def test_a_manifest_names_what_the_package_needs(package: str) -> None:
-    """``exec_depend`` are the packages that it imports, and those whose programs it starts."""
+    """``exec_depend`` are the packages that it imports, whose programs it starts, or whose messages it names."""
     own = {module: path for module, path in modules().items() if package_of(module) == package}
     libraries = {package_of(other) for module in own for other in graph()[module]} - set(sys.stdlib_module_names)
-    started = set().union(*(started_programs(path) for path in own.values()))
-    needed = {ROSDEP_KEYS.get(name, name) for name in (libraries | started) - FROM_PIP - OPTIONAL} - {package}
+    named = set().union(*(started_programs(path) | message_packages(path) for path in own.values()))
+    needed = {ROSDEP_KEYS.get(name, name) for name in (libraries | named) - FROM_PIP - OPTIONAL} - {package}
     manifest = ET.parse(SOURCES / package / "package.xml").getroot()
     declared = {element.text for tag in ("depend", "exec_depend") for element in manifest.iter(tag)}
     missing, needless = sorted(needed - declared), sorted(declared - needed)

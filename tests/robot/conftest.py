@@ -17,7 +17,7 @@ VARIANTS = {
     "GNN-B-8-P3": {"taps": 3, "layers": 2, "normalise": False},
     "GNN_baseline-F-16": {"taps": 3},
 }
-#: A layer that is registered, and not above, is tested without further ado.
+#: Registered layers that are not listed above, so that the tests also run for a new layer.
 VARIANTS |= {
     f"{name}-B-8-P3": {"taps": 3, "layers": 2}
     for name in LAYERS
@@ -27,7 +27,7 @@ VARIANTS |= {
 
 @pytest.fixture(scope="session", autouse=True)
 def _one_thread() -> None:
-    # Networks are small here: one thread computes them fastest.
+    # The networks are small: one thread is fastest.
     torch.set_num_threads(1)
 
 

@@ -1,4 +1,4 @@
-"""What computes a policy changes nothing in what it says and decides."""
+"""All backends compute the same messages and decisions, to the last bit."""
 
 import json
 import pickle
@@ -23,21 +23,21 @@ VARIANTS = {"MAGAT-F-8": {}, "GAT-B-6-P2": {"taps": 3}}
 
 @pytest.fixture(scope="module", params=VARIANTS)
 def folder(request: pytest.FixtureRequest, random_network: Callable, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Of a policy that has been exported."""
+    """The folder of an exported policy."""
     made = tmp_path_factory.mktemp("policy") / request.param
     save(random_network(request.param, seed=3, **VARIANTS[request.param]), made, "")
     export(made)
     return made
 
 
-def said(policy: RobotPolicy, view: np.ndarray, heard: np.ndarray) -> list[bytes]:
-    """All that robots send and decide."""
-    own = policy.perceive(view)
+def said(policy: RobotPolicy, field_of_view: np.ndarray, heard: np.ndarray) -> list[bytes]:
+    """All messages and decisions of the robots."""
+    own = policy.perceive(field_of_view)
     result = []
     for _ in policy.config.message_sizes:
         result.append(own.messages.tobytes())
         own = policy.hear(own, own.messages[np.maximum(heard, 0)], heard >= 0)
-    decision = policy.decide(own, np.arange(len(view), dtype=np.uint64), 5)
+    decision = policy.decide(own, np.arange(len(field_of_view), dtype=np.uint64), 5)
     return [*result, decision.weights.tobytes(), decision.primitives.tobytes()]
 
 
@@ -53,15 +53,15 @@ def test_onnxruntime_says_and_decides_what_torch_does_to_the_bit(
 
 
 def test_a_robot_that_hears_nobody_decides_alike(folder: Path, random_team: Callable) -> None:
-    view = random_team(np.random.default_rng(1), 5).field_of_view
+    field_of_view = random_team(np.random.default_rng(1), 5).field_of_view
     nobody = np.zeros((5, 0), dtype=np.int64)
-    assert said(OnnxPolicy(folder), view, nobody) == said(load(folder), view, nobody)
+    assert said(OnnxPolicy(folder), field_of_view, nobody) == said(load(folder), field_of_view, nobody)
 
 
 @pytest.mark.parametrize("backend", ["torch", "onnx"])
 def test_a_policy_loaded_before_a_fork_decides_after_it(folder: Path, random_team: Callable, backend: str) -> None:
     team = random_team(np.random.default_rng(2), 3)
-    # In a process of its own: this one has threads, which a fork does not survive.
+    # In a separate process: this one has threads, which do not survive a fork.
     program = f"""
 import os, pickle, sys
 from pathlib import Path
@@ -69,9 +69,9 @@ import numpy as np
 from magat_robot.policy.backends import load_policy, preload
 folder, backend = Path({str(folder)!r}), {backend!r}
 preload(folder, backend, encoding="int8")
-view = pickle.loads({pickle.dumps(team.field_of_view)!r})
+field_of_view = pickle.loads({pickle.dumps(team.field_of_view)!r})
 def decide(policy):
-    own = policy.perceive(view)
+    own = policy.perceive(field_of_view)
     for _ in policy.config.message_sizes:
         own = policy.hear(own, own.messages[:, None], np.ones((3, 1), dtype=bool))
     return policy.decide(own, np.arange(3, dtype=np.uint64), 5).weights.tobytes()

@@ -66,16 +66,16 @@ def test_other_names_are_refused_with_examples(name: str) -> None:
     [
         ("MAGAT-F-128", 2, 1, (128,)),
         ("MAGAT-B-32-P4", 2, 1, (32,)),
-        # From the second hop on: x, and what earlier hops aggregated, by head. The next layer's x is of all heads.
+        # From the second hop on: x, and the aggregate of each head. The x of the next layer has all heads.
         ("MAGAT-F-32-P4", 3, 1, (32, 32 + 4 * 32)),
         ("MAGAT-F-8-P3", 4, 2, (8, 8 + 24, 8 + 24, 24, 24 + 72, 24 + 72)),
         ("GAT-B-16", 3, 2, (16, 32, 16, 32)),
         ("GAT-F-16-P2", 2, 3, (16, 32, 32)),
-        # Without attention there is nothing to weigh, and all heads hear the same.
+        # Without attention x is not repeated, and all heads share one aggregate.
         ("GNN-F-64", 2, 1, (64,)),
         ("GNN-F-64-P4", 3, 2, (64, 64, 256, 256)),
         ("GNN_baseline-F-128", 3, 1, (128, 128)),
-        # Robots that do not talk.
+        # Robots that send nothing.
         ("MAGAT-F-128", 1, 1, (0,)),
         ("GAT-F-16-P4", 1, 3, (0,)),
         ("GNN-F-16", 1, 2, (0,)),
@@ -109,7 +109,7 @@ def test_each_round_of_each_layer_has_its_size_of_messages(
         {"layers": 17, "taps": 1},
         {"layers": 10**12},
         {"layers": 6, "taps": 4},
-        # 129 times 32 numbers in the second round.
+        # 129 * 32 numbers in the second round.
         {"name": "MAGAT-F-32-P128", "taps": 3},
         {"temperature": 0.0},
         {"temperature": 1000.0},
@@ -163,7 +163,7 @@ def test_a_configuration_survives_json() -> None:
         ("MAGAT-F-8", {"taps": 3, "layers": 2}, 8),
         ("GAT-F-8", {"normalise": False, "taps": 3}, 8),
         ("GNN-F-8", {"taps": 3}, 8),
-        # What is sent in the first round has not been added up yet.
+        # Messages of the first round are no sums.
         ("GNN-F-8", {"normalise": False}, 8),
         ("GNN-F-8", {"normalise": False, "taps": 3}, 2048),
         ("GNN_baseline-F-8", {"normalise": False, "taps": 3}, 2048),

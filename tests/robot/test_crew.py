@@ -1,4 +1,4 @@
-"""One crew, step by step: what it waits for, what it does without, and what it drops."""
+"""A single crew, step by step: what it waits for, what it can do without, and what it drops."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -27,7 +27,7 @@ def one_round(small_policy: Callable) -> Policy:
 
 
 class Log:
-    """A crew, what it sent, and what it answered."""
+    """A crew, with a log of its messages and answers."""
 
     def __init__(self, policy: Policy, robots: int, relayed: bool = False) -> None:
         self.policy = policy
@@ -41,23 +41,23 @@ class Log:
             relayed,
         )
         rng = np.random.default_rng(12)
-        self.views = (rng.random((8, 3, 11, 11)) < 0.2).astype(np.uint8)
-        #: What eight strangers send in every round, which it makes no difference who they are.
+        self.fields_of_view = (rng.random((8, 3, 11, 11)) < 0.2).astype(np.uint8)
+        #: Messages of eight robots outside the crew, in every round.
         size = [(rng.random((8, n)) * 8 * 64).astype(int) / 64 for n in policy.config.message_sizes]
         self.others = [values.astype("<f4") for values in size]
 
     def observation(
         self, robot: int, tick: int = 0, audible: Sequence[int] = (), episode: int = EPISODE
     ) -> ReceivedObservation:
-        """What a robot is told; it sends under its number + 1000 * (tick + 1)."""
+        """An observation of a robot; its own tag is its number + 1000 * (tick + 1)."""
         tag = robot + 1000 * (tick + 1)
-        return ReceivedObservation(episode, tick, robot, tag, frozenset(audible), self.views[robot].tobytes())
+        return ReceivedObservation(episode, tick, robot, tag, frozenset(audible), self.fields_of_view[robot].tobytes())
 
     def see(self, robot: int, tick: int = 0, audible: Sequence[int] = (), episode: int = EPISODE) -> bool:
         return self.crew.see(robot, self.observation(robot, tick, audible, episode))
 
     def message(self, stranger: int, tick: int = 0, number: int = 0, **changes: object) -> Message:
-        """A stranger's message of round ``number``, under its number + 1 as tag."""
+        """The message of ``stranger``, a robot outside the crew, in round ``number``; its tag is its number + 1."""
         data = self.others[number][stranger].tobytes()
         return replace(Message(EPISODE, tick, number, stranger + 1, data), **changes)
 
@@ -69,8 +69,8 @@ class Log:
         self.crew.hear_bundle(robot, at.get("episode", EPISODE), tick, number, data)
 
     def expected(self, robot: int, *heard: Sequence[int], tick: int = 0) -> tuple[list[float], int]:
-        """What the robot decides when it hears those strangers, round by round."""
-        own = self.policy.perceive(self.views[robot : robot + 1])
+        """The decision of a robot that hears the given robots outside the crew in each round."""
+        own = self.policy.perceive(self.fields_of_view[robot : robot + 1])
         for number, strangers in enumerate(heard):
             values = self.others[number][list(strangers)][None]
             own = self.policy.hear(own, values, np.ones(values.shape[:2], bool))
@@ -78,7 +78,7 @@ class Log:
         return decision.log_probabilities[0].tolist(), int(decision.primitives[0])
 
     def decided(self) -> dict[int, tuple[list[float], int]]:
-        """The answers since it was last called."""
+        """The answers since the last call."""
         result = {robot: (answer.log_probabilities.tolist(), answer.primitive) for robot, answer in self.answers}
         assert len(result) == len(self.answers)
         self.answers.clear()
@@ -141,7 +141,7 @@ def test_the_robots_of_a_crew_look_when_all_of_them_can(one_round: Policy) -> No
 def test_a_robot_without_an_observation_is_silent_and_the_others_go_on(one_round: Policy) -> None:
     log = Log(one_round, 3)
     log.see(0)
-    log.see(2, audible=[1000, 1001])  # the others of its crew
+    log.see(2, audible=[1000, 1001])  # the other robots of its crew
     log.crew.overdue()
     assert [robot for robot, _ in log.sent] == [0, 2]
     assert not log.see(1), "too late"
@@ -152,7 +152,7 @@ def test_a_robot_without_an_observation_is_silent_and_the_others_go_on(one_round
     assert log.decided().keys() == {0, 2}
     assert not log.see(1)
     assert (log.drops, log.crew.waiting, log.crew.missing) == (2, False, 1)
-    # In the next tick all is well.
+    # The next tick works again.
     assert log.see(1, tick=1)
     log.see(0, tick=1)
     log.see(2, tick=1)
@@ -181,7 +181,7 @@ def test_messages_missing_in_several_rounds_are_all_counted(four_rounds: Policy)
             assert log.sent[-1][1].round == number
             log.crew.overdue()
     (_, answer), *_ = log.answers
-    # The simulator is told of the messages heard, at most as many as were announced: so none is taken for another.
+    # heard is the number of announced messages minus those missing over all rounds, at least 0.
     assert (answer.heard, answer.missing, log.crew.missing) == (0, 4, 4)
     assert log.decided() == {0: log.expected(0, [0], [0, 1], [], [1])}
 
@@ -191,7 +191,7 @@ def test_a_late_message_changes_nothing(one_round: Policy) -> None:
     log.see(0, audible=[1, 2])
     log.hear(0)
     log.crew.overdue()
-    log.hear(1)  # of the tick that has been decided
+    log.hear(1)  # of a tick that is decided
     log.crew.overdue()
     assert log.decided() == {0: log.expected(0, [0])}
     log.see(0, tick=1, audible=[1, 2])
@@ -250,7 +250,7 @@ def test_a_tick_is_abandoned_when_the_next_one_begins(four_rounds: Policy, relay
     assert not log.see(0, tick=1, audible=[2])
     assert [(message.tick, message.round) for _, message in log.sent[sent:]] == [(1, 0)] * 2
     if not relayed:
-        log.hear(0, number=1)  # of the old tick, for which it waited
+        log.hear(0, number=1)  # of the old tick, which it was waiting for
     for number in range(4):
         assert log.answers == []
         log.bundle(0, [1], tick=1, number=number) if relayed else log.hear(1, tick=1, number=number)
@@ -282,7 +282,7 @@ def test_an_observation_that_announces_more_than_can_be_heard_is_dropped(one_rou
 def test_a_repeated_observation_is_dropped_in_every_phase(one_round: Policy) -> None:
     log = Log(one_round, 2)
     log.see(0, audible=[1])
-    other = replace(log.observation(0), own_tag=5, field_of_view=log.views[7].tobytes())
+    other = replace(log.observation(0), own_tag=5, field_of_view=log.fields_of_view[7].tobytes())
     repeated = 0
     for step in (lambda: None, partial(log.see, 1), partial(log.hear, 0), lambda: None):
         step()
@@ -305,7 +305,7 @@ def test_an_earlier_observation_is_dropped(one_round: Policy) -> None:
 
 
 @pytest.mark.parametrize(
-    ("view", "why"),
+    ("field_of_view", "why"),
     [
         (b"", "0 numbers"),
         (bytes(5), "5 numbers"),
@@ -316,10 +316,10 @@ def test_an_earlier_observation_is_dropped(one_round: Policy) -> None:
     ],
     ids=["empty", "short", "one less", "one more", "a two", "a 255"],
 )
-def test_a_wrong_view_is_dropped_and_a_good_one_may_follow(one_round: Policy, view: bytes, why: str) -> None:
+def test_a_wrong_view_is_dropped_and_a_good_one_may_follow(one_round: Policy, field_of_view: bytes, why: str) -> None:
     log = Log(one_round, 2)
     for wrong in (0, 1):
-        assert not log.crew.see(wrong, replace(log.observation(wrong), field_of_view=view))
+        assert not log.crew.see(wrong, replace(log.observation(wrong), field_of_view=field_of_view))
         assert why in log.last_drop
         assert log.see(wrong) == (wrong == 0)
     assert log.drops == 2
@@ -361,7 +361,7 @@ def test_a_message_that_no_robot_sends_is_dropped_counted_and_missing(
     if relayed:
         log.crew.hear_bundle(0, EPISODE, 0, 0, [bad, log.others[0][1].tobytes(), bad])
     else:
-        # Two alike are two all the same.
+        # Two equal messages count twice.
         log.hear(0, payload=bad)
         log.hear(1)
         log.hear(2, payload=bad)
@@ -477,7 +477,7 @@ def test_bundles_that_nobody_waits_for_are_dropped_and_counted(four_rounds: Poli
 
 
 def test_a_bundle_that_comes_before_all_have_looked_is_kept(four_rounds: Policy) -> None:
-    """One of the crew misses its observation: the others' bundles do not wait for this process to go on without it."""
+    """If one robot of the crew misses its observation, bundles for the others arrive before this process goes on."""
     log = Log(four_rounds, 3, relayed=True)
     for robot in (0, 2):
         log.see(robot, audible=[1])
@@ -493,7 +493,7 @@ def test_a_bundle_that_comes_before_all_have_looked_is_kept(four_rounds: Policy)
         for robot in (0, 2):
             log.bundle(robot, [0], number=number)
     assert log.decided() == {robot: log.expected(robot, *[[0]] * 4) for robot in (0, 2)}
-    # What was kept is of one tick.
+    # Bundles are kept for one tick only.
     for robot in range(3):
         log.see(robot, tick=1, audible=[1])
     sent = len(log.sent)
@@ -511,7 +511,7 @@ def test_a_bundle_after_the_deadline_is_dropped(one_round: Policy) -> None:
     assert (log.drops, len(log.answers)) == (1, 1)
 
 
-# --- What strangers can do ---
+# --- Messages from outside the team ---
 
 
 def test_a_flood_of_messages_drowns_none_that_can_be_heard(one_round: Policy) -> None:

@@ -1,4 +1,4 @@
-"""Robots in one process decide as each would alone, and as a simulator decides for all, whatever the radio does."""
+"""Crews of any size decide as single robots and as the batched simulator, in any order of delivery, with any loss."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -30,19 +30,19 @@ encodings = st.sampled_from(list(ENCODINGS))
 
 @dataclass(frozen=True)
 class Delivery:
-    """Something on its way: to a robot (what it is told, a bundle), to a crew or to the relay (a message)."""
+    """A pending delivery: an observation or bundle to a robot, or a message to a crew or to the relay."""
 
     kind: str
     to: int
-    #: Whose message.
+    #: Sender of the message.
     sender: int = -1
-    #: Of the message or bundle.
+    #: Round of the message or bundle.
     round: int = -1
     deliver: Callable[[], None] = field(compare=False, default=lambda: None)
 
 
 class Team:
-    """Crews on the air: everything is delivered in an order drawn at random, or lost."""
+    """Crews with a simulated radio, which delivers everything in random order or loses it."""
 
     def __init__(self, policy: Policy, sizes: Sequence[int], relayed: bool = False, at_once: bool = False) -> None:
         self.relayed, self.at_once, self.robots = relayed, at_once, sum(sizes)
@@ -56,7 +56,7 @@ class Team:
         self.deadlines = 0
 
     def crew_of(self, robot: int) -> tuple[int, int]:
-        """The robot's crew, and its number in there."""
+        """The robot's crew, and its number in the crew."""
         crew = int(np.searchsorted(self.first, robot, side="right")) - 1
         return crew, robot - self.first[crew]
 
@@ -67,7 +67,7 @@ class Team:
         lost: Callable[[Delivery], bool] = lambda delivery: False,
         tick: int = 0,
     ) -> dict[int, Answer]:
-        """What the robots answer; those that stay silent are not in there."""
+        """The answers of the robots, without those that did not answer."""
         self.answers, self.messages, self.deadlines, self.pending = {}, [], 0, []
         self.progress = [-1] * len(self.crews)  # the last round in which they sent
         self.tags = rng.integers(1, 2**63, size=self.robots).tolist()
@@ -76,9 +76,9 @@ class Team:
         for robot, hears in enumerate(rows):
             crew, number = self.crew_of(robot)
             audible = frozenset(self.tags[j] for j in hears)
-            view = observation.field_of_view[robot].tobytes()
+            field_of_view = observation.field_of_view[robot].tobytes()
             received = ReceivedObservation(
-                EPISODE, tick, int(observation.streams[robot]), self.tags[robot], audible, view
+                EPISODE, tick, int(observation.streams[robot]), self.tags[robot], audible, field_of_view
             )
             see = partial(self.crews[crew].see, number, received)
             self.pending.append(Delivery("observation", robot, deliver=see))
@@ -121,14 +121,14 @@ class Team:
             self._put(Delivery("bundle", robot, round=number, deliver=hear))
 
     def _put(self, delivery: Delivery) -> None:
-        """On its way, or there at once."""
+        """Deliver at once, or add to the pending deliveries."""
         if self.at_once:
             delivery.deliver()
         else:
             self.pending.append(delivery)
 
     def _deadline(self) -> bool:
-        """Nothing is on its way any more: the deadline comes of who has waited longest; False if nobody waits."""
+        """Without pending deliveries, the deadline of the crew that waits longest passes; False if none is waiting."""
         waiting = [number for number, crew in enumerate(self.crews) if crew.waiting]
         if not waiting:
             return False
@@ -146,7 +146,7 @@ class Team:
 def reference(
     policy: Policy, observation: Observation, heard: Sequence[Sequence[Sequence[int]]], tick: int
 ) -> Decision:
-    """As `Policy.decide_together`, but each robot hears others in each round: ``heard[round][robot]`` lists them."""
+    """As `Policy.decide_together`, but with other neighbours in each round: ``heard[round][robot]`` lists them."""
     own = policy.perceive(observation.field_of_view)
     for lists in heard:
         places = max(map(len, lists), default=0)
@@ -165,13 +165,13 @@ def assert_decided(answers: dict[int, Answer], decision: Decision) -> None:
 
 @pytest.fixture(scope="session", params=POLICIES)
 def make_policy(request: pytest.FixtureRequest, small_policy: Callable) -> Callable:
-    """One of `POLICIES`, with an encoding of messages."""
+    """Makes one of `POLICIES`, with a given encoding of messages."""
     name, sizes = POLICIES[request.param]
     return lambda encoding="float32": small_policy(name, encoding=encoding, **sizes)
 
 
 def partition(rng: np.random.Generator, robots: int) -> list[int]:
-    """Crew sizes: one of all robots, or robots alone, or anything in between."""
+    """Random crew sizes, from one crew of all robots to crews of one robot."""
     bounds = np.flatnonzero(rng.random(robots - 1) < rng.choice([0.0, 0.3, 0.7, 1.0])) + 1
     return np.diff([0, *bounds, robots]).tolist()
 

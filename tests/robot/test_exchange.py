@@ -1,4 +1,4 @@
-"""Which messages count: those of this tick that can be heard, once each, in good order."""
+"""The exchange keeps valid messages of this tick from robots in range, once each, and drops or ignores others."""
 
 import pickle
 
@@ -13,7 +13,7 @@ LONG = b"of the second round"
 
 @pytest.fixture
 def exchange() -> Exchange:
-    """In tick 5 of episode 2, in which the tags 10, 11 and 12 can be heard, in two rounds."""
+    """An exchange in tick 5 of episode 2, with two rounds; the tags 10, 11 and 12 are audible."""
     exchange = Exchange([len(GOOD), len(LONG)])
     exchange.begin(2, 5)
     exchange.listen(frozenset([10, 11, 12]))
@@ -21,7 +21,7 @@ def exchange() -> Exchange:
 
 
 def begin(exchange: Exchange, episode: int, tick: int, audible: list[int]) -> dict[int, bytes]:
-    """A tick begins, and it shows what can be heard in it; what is there of its first round."""
+    """Begin a tick in which the tags ``audible`` are audible; returns the messages of its first round so far."""
     exchange.begin(episode, tick)
     exchange.listen(frozenset(audible))
     return exchange.kept(0)
@@ -60,7 +60,7 @@ def test_messages_may_come_before_the_very_first_observation() -> None:
 
 
 def test_messages_of_this_tick_wait_until_it_is_known_who_can_be_heard(exchange: Exchange) -> None:
-    """The robots of one process are not all told at once."""
+    """The robots of one process do not receive their observations at the same time."""
     exchange.begin(2, 6)
     for tag in (20, 21, 22):
         assert exchange.receive(2, 6, 0, tag, GOOD)
@@ -122,7 +122,7 @@ def test_what_was_heard_does_not_reach_into_the_next_tick(exchange: Exchange) ->
     exchange.receive(2, 5, 0, 10, GOOD)
     assert begin(exchange, 2, 6, [10]) == {}
     exchange.receive(2, 8, 0, 10, GOOD)
-    assert begin(exchange, 2, 9, [10]) == {}  # tick 8 was missed; what waited for it is late by now
+    assert begin(exchange, 2, 9, [10]) == {}  # tick 8 was missed, so its messages are late
     assert begin(exchange, 2, 8, [10]) == {}
 
 
@@ -197,13 +197,13 @@ def test_episodes_are_forgotten_in_the_order_in_which_they_were_first_heard_of(e
 @pytest.mark.parametrize("where", ["ticks", "episodes", "both", "rounds", "tags now", "no episode"])
 def test_no_flood_fills_a_robots_memory(exchange: Exchange, where: str, content: bytes) -> None:
     if where == "no episode":
-        exchange = Exchange([len(GOOD), len(LONG)])  # no tick has begun
+        exchange = Exchange([len(GOOD), len(LONG)])  # before the first tick
     for i in range(20_000):
         episode = 3 + i if where in ("episodes", "both", "rounds") else 0 if where == "no episode" else 2
         tick = {"ticks": 6 + i, "both": i % 7, "tags now": 5, "no episode": i}.get(where, 0)
         exchange.receive(episode, tick, i % 300 if where == "rounds" else 0, 1000 + i, content)
     assert len(pickle.dumps(exchange)) < 20_000  # a kept message takes more than 100 bytes
-    # And it still works.
+    # The exchange still works.
     begin(exchange, 2, 5, [10]) if where == "no episode" else None
     exchange.receive(2, 5, 0, 10, GOOD)
     assert exchange.kept(0) == {10: GOOD}
@@ -217,4 +217,4 @@ def test_large_messages_do_not_fill_it_either(exchange: Exchange) -> None:
         for tag in range(1000):
             exchange.receive(2, tick, 0, tag, large)
     assert len(pickle.dumps(exchange)) < 20_000
-    assert exchange.dropped == 1003  # of this tick's, those that can be heard
+    assert exchange.dropped == 1003  # the audible ones of this tick

@@ -1,4 +1,4 @@
-"""The CNN, number by number: residual blocks, and those of GNN_baseline."""
+"""The CNN against a plain Python computation: residual blocks, and the plain blocks of GNN_baseline."""
 
 from collections.abc import Callable
 
@@ -25,7 +25,7 @@ def plus(x: Planes, y: Planes) -> Planes:
 
 
 def convolved(x: Planes, layer: ConvNorm, stride: int = 1) -> Planes:
-    """Convolution over every stride-th cell with zeros around, then normalisation with the running statistics."""
+    """Strided convolution with zero padding, then normalisation with the running statistics."""
     weight, norm = layer.conv.weight.tolist(), layer.norm
     height, width, around = len(x[0]), len(x[0][0]), len(weight[0][0]) // 2
     result = []
@@ -51,7 +51,7 @@ def convolved(x: Planes, layer: ConvNorm, stride: int = 1) -> Planes:
 
 
 def pooled(x: Planes) -> Planes:
-    """The largest of each 2 x 2 cells; what is left over at the end is left out."""
+    """Max pooling over 2 x 2 cells; an odd last row or column is ignored."""
     return [
         [
             [max(plane[i][j], plane[i][j + 1], plane[i + 1][j], plane[i + 1][j + 1]) for j in range(0, width - 1, 2)]
@@ -73,15 +73,17 @@ def features(x: Planes, linear: torch.nn.Linear) -> list[float]:
 
 
 @pytest.fixture(scope="module")
-def views() -> torch.Tensor:
+def fields_of_view() -> torch.Tensor:
     return (torch.rand(2, 3, 11, 11, generator=torch.Generator().manual_seed(2)) < 0.25).double()
 
 
-def test_the_extractor_is_a_stem_and_three_residual_blocks(random_network: Callable, views: torch.Tensor) -> None:
+def test_the_extractor_is_a_stem_and_three_residual_blocks(
+    random_network: Callable, fields_of_view: torch.Tensor
+) -> None:
     extractor = random_network(channels=(3, 4, 5)).double().extractor
     expected = []
-    for view in views.tolist():
-        x = sigma(convolved(view, extractor.stem))
+    for field_of_view in fields_of_view.tolist():
+        x = sigma(convolved(field_of_view, extractor.stem))
         shapes = [shape(x)]
         for block, stride in zip(extractor.blocks, (2, 2, 1), strict=True):
             inner = convolved(sigma(convolved(x, block.first, stride)), block.second)
@@ -89,16 +91,16 @@ def test_the_extractor_is_a_stem_and_three_residual_blocks(random_network: Calla
             shapes.append(shape(x))
         assert shapes == [(3, 11, 11), (3, 6, 6), (4, 3, 3), (5, 3, 3)]
         expected.append(features(x, extractor.linear))
-    assert extractor(views).detach().numpy() == pytest.approx(np.array(expected), abs=1e-10)
+    assert extractor(fields_of_view).detach().numpy() == pytest.approx(np.array(expected), abs=1e-10)
 
 
 def test_that_of_gnn_baseline_stacks_convolutions_and_pools_after_every_other(
-    random_network: Callable, views: torch.Tensor
+    random_network: Callable, fields_of_view: torch.Tensor
 ) -> None:
     extractor = random_network("GNN_baseline-F-16", channels=(3, 4, 5)).double().extractor
     expected = []
-    for view in views.tolist():
-        x, shapes = view, []
+    for field_of_view in fields_of_view.tolist():
+        x, shapes = field_of_view, []
         for block in extractor.blocks:
             x = pooled(sigma(convolved(x, block.first)))
             shapes.append(shape(x))
@@ -108,7 +110,7 @@ def test_that_of_gnn_baseline_stacks_convolutions_and_pools_after_every_other(
         assert shapes == [(3, 5, 5), (4, 2, 2), (5, 1, 1)]
         assert extractor.blocks[2].second is None
         expected.append(features(x, extractor.linear))
-    assert extractor(views).detach().numpy() == pytest.approx(np.array(expected), abs=1e-10)
+    assert extractor(fields_of_view).detach().numpy() == pytest.approx(np.array(expected), abs=1e-10)
 
 
 @pytest.mark.parametrize("side", [11, 6])
@@ -137,6 +139,6 @@ def test_each_convolution_is_normalised_and_belongs_to_one_of_the_sums(random_ne
     assert len(convolutions) == (5 if "baseline" in name else 10)
     in_sums = [layer.conv for added in extractor.sums() for layer in added.convs]
     assert sorted(map(id, in_sums)) == sorted(map(id, convolutions))
-    # Only the first of all gets zeros and ones.
+    # Only the first convolution gets zeros and ones as inputs.
     assert [added.input_max for added in extractor.sums()] == [1.0, *[8.0] * (len(extractor.sums()) - 1)]
     assert extractor.sums()[0].convs[0].conv.in_channels == 3

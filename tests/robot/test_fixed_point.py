@@ -1,4 +1,4 @@
-"""Grids, bounds and the table of exponentials, of which exact sums are made."""
+"""Fixed-point arithmetic: rounding, bounds of exact sums, and the table of exponentials."""
 
 import math
 
@@ -57,7 +57,7 @@ def test_the_gradient_of_sigma_is_that_of_torch_and_keeps_the_layout(
 
 
 def test_nothing_flows_back_through_a_sigma_whose_input_is_zero() -> None:
-    # As with a ReLU: zeros come about all the time, where all inputs of a sum are zero.
+    # As with a ReLU. Exact zeros are frequent: sums whose inputs are all zero.
     x = torch.zeros(3, requires_grad=True)
     (gradient,) = torch.autograd.grad(fp.rectified(x, exact=False).sum(), x)
     assert not gradient.any()
@@ -65,7 +65,7 @@ def test_nothing_flows_back_through_a_sigma_whose_input_is_zero() -> None:
 
 @st.composite
 def summed_layers(draw: st.DrawFn) -> tuple[list[torch.Tensor], torch.Tensor, int, float]:
-    """Weights, bias and inputs of one convolution or two that are added up, made to round badly."""
+    """Weights, bias and input range of one or two convolutions that are added up, chosen as bad cases of rounding."""
     generator = torch.Generator().manual_seed(draw(st.integers(0, 2**32 - 1)))
     channels = draw(st.integers(1, 3))
     input_bits, input_max = draw(st.sampled_from([(0, 1.0), (6, 8.0)]))
@@ -79,7 +79,7 @@ def summed_layers(draw: st.DrawFn) -> tuple[list[torch.Tensor], torch.Tensor, in
         if kind == "equal":
             w = torch.ones(channels, count)
         elif kind == "half a unit":
-            # Just above half a unit of some grid: each one rounds up by half a unit.
+            # Just above half a unit: each weight is rounded up by half a unit.
             w = (torch.randint(0, 40, (channels, count), generator=generator) + 0.5001) * 2.0 ** -draw(
                 st.integers(0, 14)
             )
@@ -89,7 +89,7 @@ def summed_layers(draw: st.DrawFn) -> tuple[list[torch.Tensor], torch.Tensor, in
         sign = torch.randint(0, 2, w.shape, generator=generator) * 2 - 1
         weights.append(w * sign)
     if kind != "half a unit":
-        # So large in sum that the bound lies at a power of two.
+        # Scaled so that the sum is at the bound of a power of two.
         total = sum(w.abs().sum(1, keepdim=True) for w in weights)
         weights = [w / total * magnitude * 1024 * nudge for w in weights]
     bias = torch.rand(channels, generator=generator) * draw(st.sampled_from([0.0, 1.0, 100.0]))
@@ -105,14 +105,14 @@ def test_weight_bits_keep_every_sum_below_two_to_the_24_units(
     try:
         bits = fp.weight_bits(weights, [bias], input_bits, input_max)
     except ValueError:
-        # Refused: even whole numbers would not do, or only just.
+        # Refused: even whole numbers exceed the bound, or nearly so.
         assert units(weights, bias, torch.zeros(len(bias)), input_bits, input_max).max() > 0.9 * 2**24
         return
     assert ((bits >= 0) & (bits <= 14) & (bits == bits.round())).all()
     stored = [fp.snap_rows(w, bits) for w in weights]
     most = units(stored, fp.snap_rows(bias, bits + input_bits), bits, input_bits, input_max)
     assert (most < 2**24).all()
-    # One bit more would not do: the bits are not wasted.
+    # One bit more would exceed the bound: no bits are wasted.
     finer = units(weights, bias, bits + 1, input_bits, input_max)
     assert ((finer > 0.9 * 2**24) | (bits == 14)).all()
 
@@ -120,7 +120,7 @@ def test_weight_bits_keep_every_sum_below_two_to_the_24_units(
 def units(
     weights: list[torch.Tensor], bias: torch.Tensor, bits: torch.Tensor, input_bits: int, input_max: float
 ) -> torch.Tensor:
-    """The largest magnitude that each sum can reach, in its units; exact in float64."""
+    """The largest possible magnitude of each sum in its units, exact in float64."""
     magnitude = sum(w.double().abs().sum(1) for w in weights) * input_max + bias.double().abs()
     return magnitude * torch.exp2(bits.double() + input_bits)
 
@@ -128,7 +128,7 @@ def units(
 def test_weight_bits_are_counted_channel_by_channel() -> None:
     weights = torch.tensor([[1.0, 1.0], [1000.0, 1.0], [0.0, 0.0]])
     bits = fp.weight_bits([weights], [torch.zeros(3)], 6, 8.0)
-    # 2**24 / 2**6 / 8 is 2**15: less than 2**14 times two, more than 2**5 times a thousand.
+    # The bound is 2**24 / 2**6 / 8 = 2**15; the magnitudes of the rows are 2, 1001 and 0.
     assert bits.tolist() == [13, 5, 14]
 
 

@@ -1,4 +1,4 @@
-"""The graph layers and their place in the network, against Eq. 3 and 5 to 9 of the paper, number by number.
+"""The graph layers and the network against a plain Python computation of Eq. 3 and 5 to 9 of the paper.
 
 Matrices are lists of rows here, and what is done with them is written out, so that nothing is shared with the layers.
 """
@@ -16,7 +16,7 @@ from magat_robot.policy.network import NodeState, PolicyNetwork
 
 Matrix = list[list[float]]
 
-CAP = 8.0  # sigma is a ReLU that ends here, so that activations fit the grid of the deployed policy
+CAP = 8.0  # sigma is a ReLU capped at this value, so that activations have a bounded range in fixed point
 SLOPE = 0.2
 
 KINDS = ["MAGAT", "GAT", "GNN", "GNN, bare"]
@@ -40,7 +40,7 @@ def linear(X: Matrix, layer: torch.nn.Linear) -> Matrix:
 
 
 class Head:
-    """The matrices of one head, each to be multiplied from the right, as in the paper."""
+    """The matrices of one head, multiplied from the right as in the paper."""
 
     def __init__(self, layer: GraphLayer, p: int) -> None:
         inputs, outputs = layer.inputs, len(layer.own.weight) // layer.heads
@@ -129,9 +129,9 @@ def made(random_network: Callable) -> Callable:
 
 
 def team(robots: int, seed: int = 0) -> tuple[torch.Tensor, torch.Tensor, list[list[int]]]:
-    """Views, and who hears whom: also one way only, one robot nobody, in any order, with gaps in between."""
+    """Fields of view, and which robots hear which: asymmetric, one robot without neighbours, shuffled, with gaps."""
     rng = np.random.default_rng(seed)
-    view = torch.from_numpy((rng.random((robots, 3, 11, 11)) < 0.2).astype(np.float64))
+    field_of_view = torch.from_numpy((rng.random((robots, 3, 11, 11)) < 0.2).astype(np.float64))
     S = rng.random((robots, robots)) < 0.45
     np.fill_diagonal(S, False)
     S[1], S[2] = False, True
@@ -140,7 +140,7 @@ def team(robots: int, seed: int = 0) -> tuple[torch.Tensor, torch.Tensor, list[l
     assert len(set(S.sum(axis=1).tolist())) > 3
     rows = np.where(S, np.arange(robots), -1)
     heard = torch.from_numpy(np.stack([rng.permutation(row) for row in rows]))
-    return view, heard, [[j for j in row if j >= 0] for row in heard.tolist()]
+    return field_of_view, heard, [[j for j in row if j >= 0] for row in heard.tolist()]
 
 
 @pytest.mark.parametrize(
@@ -151,32 +151,32 @@ def team(robots: int, seed: int = 0) -> tuple[torch.Tensor, torch.Tensor, list[l
 @pytest.mark.parametrize("kind", [*KINDS, "GNN_baseline"])
 def test_a_team_decides_as_in_the_paper(made: Callable, kind: str, type_and_size: str, taps: int, layers: int) -> None:
     network = made(kind, type_and_size, taps=taps, layers=layers)
-    view, heard, rows = team(7)
-    logits = network(view, heard).detach()
-    expected = network_by_hand(network, network.extractor(view).tolist(), rows)
+    field_of_view, heard, rows = team(7)
+    logits = network(field_of_view, heard).detach()
+    expected = network_by_hand(network, network.extractor(field_of_view).tolist(), rows)
     assert logits.shape == (7, 5)
     assert logits.numpy() == pytest.approx(np.array(expected), abs=1e-9)
-    # What is heard matters, unless nothing is sent.
-    assert bool((network(view, heard[:, :0]) != logits).any()) is (taps > 1)
+    # Messages change the result, unless they are empty.
+    assert bool((network(field_of_view, heard[:, :0]) != logits).any()) is (taps > 1)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_k_rounds_bring_the_features_shifted_k_times(made: Callable, kind: str) -> None:
     network = made(kind, "F-3-P4", taps=4)
-    view, heard, rows = team(7)
-    state, present = network.perceive(view), heard >= 0
+    field_of_view, heard, rows = team(7)
+    state, present = network.perceive(field_of_view), heard >= 0
     X = state.x.tolist()
     heads = [Head(network.layers[0], p) for p in range(4)]
     expected = [powers(head.shift(X, rows), X, 3) for head in heads]
     for hops in (1, 2, 3):
         state = network.hear(state, network.message(state)[heard.clamp_min(0)], present)
         if hops == 3:
-            break  # the layer is left, and what was aggregated is used up
+            break  # after its last hop a layer keeps no aggregate
         assert state.aggregated is not None
         aggregated = state.aggregated.expand(-1, 4, -1).transpose(0, 1).tolist()
         assert np.array(aggregated) == pytest.approx(np.array([powers[hops] for powers in expected]), abs=1e-12)
         message = network.message(state)
-        # E is the same in every round: the receivers weigh x anew, where there is something to weigh.
+        # E is the same in every hop: with attention, receivers compute it again from x.
         parts = [] if kind.startswith("GNN") else [state.x]
         own = state.aggregated.flatten(1)
         assert torch.equal(message, torch.cat([*parts, own], dim=1))
@@ -188,7 +188,7 @@ def size(request: pytest.FixtureRequest) -> str:
 
 
 def spread(layer: GraphLayer, receivers: int = 6, places: int = 5) -> tuple[torch.Tensor, ...]:
-    """Features so large that some outputs are cut off at either end, and some places without a message."""
+    """Features so large that outputs are clamped at both ends, and some places without a message."""
     generator = torch.Generator().manual_seed(1)
     x = 4 * torch.rand(receivers, layer.inputs, generator=generator, dtype=torch.float64)
     keys = 4 * torch.rand(receivers, places, layer.inputs, generator=generator, dtype=torch.float64)
@@ -215,8 +215,8 @@ def test_a_receiver_weighs_what_it_hears_by_that_and_by_its_own(made: Callable, 
             if not kind.startswith("GNN"):
                 scores += [head.score(x[i].tolist(), x_j) for x_j in heard]
     if scores:
-        assert min(scores) < -0.1 < 0.1 < max(scores)  # LeakyReLU has to do with both
-        assert e[1].std(dim=1).min() > 0.01  # it prefers some
+        assert min(scores) < -0.1 < 0.1 < max(scores)  # both branches of the LeakyReLU are used
+        assert e[1].std(dim=1).min() > 0.01  # the weights differ
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -225,7 +225,7 @@ def test_later_rounds_bring_what_others_heard_weighed_by_the_same_attention(
 ) -> None:
     layer = made(kind, size, taps=3).layers[0]
     x, keys, present = spread(layer)
-    # With attention each head has its own; without, all heads bring the same.
+    # With attention each head has its own aggregate; without, all heads share one.
     different = 1 if kind.startswith("GNN") else layer.heads
     values = torch.rand(6, 5, different, layer.inputs, generator=torch.Generator().manual_seed(2)).double()
     messages = values.flatten(2) if kind.startswith("GNN") else torch.cat([keys, values.flatten(2)], dim=2)
@@ -236,18 +236,18 @@ def test_later_rounds_bring_what_others_heard_weighed_by_the_same_attention(
             heard = values[i, present[i], p % different].tolist()
             expected = [sum(w * v[f] for w, v in zip(weights, heard, strict=True)) for f in range(layer.inputs)]
             assert aggregated[i, p].numpy() == pytest.approx(expected, abs=1e-12)
-    # GNN's messages are all of one kind; the others must not be taken for those of a first round.
+    # Messages of later hops are longer with attention, and must be distinguished from those of the first hop.
     assert messages.shape[2] == layer.message(x, aggregated[:, :different]).shape[1]
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_without_neighbours_only_the_own_term_is_left(made: Callable, kind: str, size: str) -> None:
     network = made(kind, size, taps=3)
-    view, _, _ = team(6)
-    X = network.perceive(view).x.tolist()
+    field_of_view, _, _ = team(6)
+    X = network.perceive(field_of_view).x.tolist()
     expected = np.array(layer_by_hand(network.layers[0], X, [[]] * 6))
     for places in (0, 3):
-        state = network.perceive(view)
+        state = network.perceive(field_of_view)
         present = torch.zeros(6, places, dtype=torch.bool)
         for number in network.config.message_sizes:
             state = network.hear(state, torch.ones(6, places, number, dtype=torch.float64), present)
@@ -270,10 +270,10 @@ def test_heads_are_independent_and_stand_one_after_the_other(
     made: Callable, kind: str, parameter: str, rows: object
 ) -> None:
     network = made(kind, "F-5-P4", taps=3)
-    view, heard, _ = team(9)
+    field_of_view, heard, _ = team(9)
 
     def fused() -> torch.Tensor:
-        state = network.perceive(view)
+        state = network.perceive(field_of_view)
         for _ in range(network.rounds):
             state = network.hear(state, network.message(state)[heard.clamp_min(0)], heard >= 0)
         return state.x
@@ -287,7 +287,7 @@ def test_heads_are_independent_and_stand_one_after_the_other(
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_only_the_bottleneck_carries_the_robots_own_features_past_the_exchange(made: Callable, kind: str) -> None:
-    view, heard, _ = team(4)
+    field_of_view, heard, _ = team(4)
     for size, width, reaches in (("F-6-P4", 24, False), ("B-6-P4", 24 + 128, True)):
         network = made(kind, size)
         assert network.hidden.in_features == width
@@ -296,7 +296,7 @@ def test_only_the_bottleneck_carries_the_robots_own_features_past_the_exchange(m
             messages = network.message(state)[heard.clamp_min(0)]
             return network.logits(network.hear(state, messages, heard >= 0))
 
-        seen = network.perceive(view)
+        seen = network.perceive(field_of_view)
         other = replace(seen, features=torch.ones_like(seen.features))
         assert bool((logits(seen) != logits(other)).any()) is reaches
 
@@ -325,8 +325,8 @@ def test_what_each_round_sends_has_the_size_that_the_configuration_says(
 
 def test_every_weight_can_be_learned(random_network: Callable, variant: dict) -> None:
     network = random_network(**variant).train()
-    view, heard, _ = team(12)
-    logits = network(view.float(), heard)
+    field_of_view, heard, _ = team(12)
+    logits = network(field_of_view.float(), heard)
     torch.nn.functional.cross_entropy(logits, torch.arange(12) % 5).backward()
     for name, parameter in network.named_parameters():
         silent = network.config.taps == 1 and name.endswith(("taps", "pair", "query.weight"))

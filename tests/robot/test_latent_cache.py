@@ -1,4 +1,4 @@
-"""What is recalled has the bits of what would be computed, and is not computed."""
+"""Cached latent states equal computed ones to the last bit, and are not computed again."""
 
 from collections.abc import Callable
 
@@ -23,19 +23,19 @@ def test_recalled_or_computed_the_bits_are_the_same(
 ) -> None:
     rng = np.random.default_rng(seed)
     policy = small_policy(**variant)
-    views = random_team(rng, 30).field_of_view
+    fields_of_view = random_team(rng, 30).field_of_view
     asked: list[int] = []
 
-    def perceive(view: np.ndarray) -> LatentState:
-        asked.append(len(view))
-        return policy.perceive(view)
+    def perceive(field_of_view: np.ndarray) -> LatentState:
+        asked.append(len(field_of_view))
+        return policy.perceive(field_of_view)
 
     cache = LatentCache(perceive)
     before: set[bytes] = set()
     for _ in range(6):
-        # Other robots each time, of which some see what was seen before, and some see the same.
-        now = views[rng.integers(30, size=rng.integers(1, 25))]
-        keys = [view.tobytes() for view in now]
+        # Other robots each time; some of their fields of view repeat, within the call or from the call before.
+        now = fields_of_view[rng.integers(30, size=rng.integers(1, 25))]
+        keys = [field_of_view.tobytes() for field_of_view in now]
         known = cache.perceive(now)
         assert bits(known) == bits(policy.perceive(now))
         assert asked.pop() == sum(key not in before for key in keys)
@@ -44,15 +44,15 @@ def test_recalled_or_computed_the_bits_are_the_same(
 
 def test_where_nothing_has_changed_nothing_is_computed(random_team: Callable, small_policy: Callable) -> None:
     policy = small_policy("MAGAT-F-16")
-    views = random_team(np.random.default_rng(0), 12).field_of_view
+    fields_of_view = random_team(np.random.default_rng(0), 12).field_of_view
     computed: list[int] = []
 
-    def perceive(view: np.ndarray) -> LatentState:
-        computed.append(len(view))
-        return policy.perceive(view)
+    def perceive(field_of_view: np.ndarray) -> LatentState:
+        computed.append(len(field_of_view))
+        return policy.perceive(field_of_view)
 
     cache = LatentCache(perceive)
-    first = bits(cache.perceive(views))
-    assert bits(cache.perceive(views[::-1])) != first
-    assert bits(cache.perceive(views)) == first
+    first = bits(cache.perceive(fields_of_view))
+    assert bits(cache.perceive(fields_of_view[::-1])) != first
+    assert bits(cache.perceive(fields_of_view)) == first
     assert sum(computed) == 12

@@ -1,4 +1,4 @@
-"""Messages as bytes: what arrives is what was sent, or what its encoding makes of it, and nothing else is let in."""
+"""The encodings of messages: exact or rounded as documented, and strict about invalid payloads."""
 
 from collections.abc import Callable
 
@@ -7,11 +7,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from magat_robot.policy.config import ENCODINGS
-from magat_robot.policy.payload import PayloadError, decode, encode, encoded_bytes, round_trip
+from magat_robot.policy.config import ENCODINGS, PolicyConfig
+from magat_robot.policy.payload import (
+    PayloadError,
+    bytes_per_tick,
+    decode,
+    encode,
+    encoded_bytes,
+    longest_payload,
+    round_bytes,
+    round_trip,
+)
 
 MOST = 8.0
-#: On the grid of messages: multiples of 1/256.
+#: Values of messages are multiples of 1/256.
 UNIT = 2.0**-8
 SUMS = 2048.0
 
@@ -19,7 +28,7 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 def messages(rng: np.random.Generator, rows: int, size: int, most: float = MOST, unit: float = UNIT) -> np.ndarray:
-    """``[rows, size]`` float32 on the grid; some rows are sparse, some small, one is zero, one holds the largest."""
+    """``[rows, size]`` float32 multiples of ``unit``: sparse rows, small rows, one of zeros, one with the largest."""
     values = rng.integers(0, int(most / unit) + 1, size=(rows, size)) * unit
     values *= rng.random((rows, size)) < rng.random((rows, 1))
     values = np.floor(values * rng.random((rows, 1)) / unit) * unit
@@ -47,7 +56,7 @@ def test_what_arrives_is_what_simulations_in_one_process_take_it_for(
 @pytest.mark.parametrize("encoding", ENCODINGS)
 @given(seed=seeds, most=st.sampled_from([MOST, SUMS]))
 def test_what_arrives_lies_on_the_grid_and_within_its_range(encoding: str, seed: int, most: float) -> None:
-    """Sums have no order on the grid only."""
+    """Sums are exact only for multiples of the unit."""
     taken = round_trip(messages(np.random.default_rng(seed), 5, 40, most), encoding)
     assert (taken / UNIT == np.rint(taken / UNIT)).all()
     assert ((taken >= 0) & (taken <= most)).all()
@@ -58,7 +67,7 @@ def test_what_arrives_lies_on_the_grid_and_within_its_range(encoding: str, seed:
 def test_what_has_travelled_once_travels_on_unchanged(encoding: str, seed: int) -> None:
     once = round_trip(messages(np.random.default_rng(seed), 5, 40), encoding)
     again = round_trip(once, encoding)
-    # In 8 bits the steps are rounded to the grid, and so another time: half of one for each rounding.
+    # int8 rounds its steps to the unit each time: half a unit for each rounding.
     assert np.abs(again - once).max() <= (UNIT if encoding == "int8" else 0)
 
 
@@ -74,7 +83,7 @@ def test_every_number_of_a_message_survives_float32_and_float16(encoding: str, u
 def test_sums_over_neighbours_lose_in_float16_what_its_mantissa_cannot_hold() -> None:
     every = (np.arange(int(SUMS / UNIT) + 1) * UNIT).astype(np.float32)
     taken = round_trip(every[None], "float16")[0]
-    assert np.abs(taken - every).max() <= 2.0**-1  # half the distance of neighbours at 2048
+    assert np.abs(taken - every).max() <= 2.0**-1  # half the spacing of float16 at 2048
     assert (np.abs(taken - every) <= every * 2.0**-11).all()
     assert round_trip(every[None], "float32").tobytes() == every.tobytes()
 
@@ -83,7 +92,7 @@ def test_sums_over_neighbours_lose_in_float16_what_its_mantissa_cannot_hold() ->
 def test_eight_bits_are_off_by_half_a_step_at_most(seed: int, most: float) -> None:
     sent = messages(np.random.default_rng(seed), 6, 50, most)
     step = sent.max(axis=1, keepdims=True) / 255
-    # Half a step, and half a unit of the grid to which the result is rounded.
+    # Half a step, plus half a unit because the result is rounded to the unit.
     assert (np.abs(round_trip(sent, "int8") - sent) <= step / 2 * 1.0001 + UNIT / 2).all()
 
 
@@ -96,7 +105,7 @@ def test_eight_bits_keep_zeros_and_the_largest_number() -> None:
 
 
 def test_eight_bits_make_a_difference() -> None:
-    """Else nothing here would show whether they are used at all."""
+    """Otherwise the tests could not tell whether int8 is used at all."""
     sent = messages(np.random.default_rng(3), 20, 30)
     assert (round_trip(sent, "int8") != sent).mean() > 0.2
 
@@ -128,13 +137,21 @@ def test_encoding_changes_no_message_in_place(encoding: str) -> None:
     ],
 )
 def test_the_bytes_are_those_of_the_page(encoding: str, data: str) -> None:
-    """Little-endian IEEE 754; in 8 bits the largest number as float32, and 255ths of it."""
+    """Little-endian IEEE 754; int8: the largest number as float32, then values in 255ths of it."""
     assert encode(np.array([0.5, 8.0], np.float32), encoding).hex() == data.replace(" ", "")
 
 
 @pytest.mark.parametrize(("encoding", "size"), [("float32", 512), ("float16", 256), ("int8", 132)])
 def test_128_features_take_so_many_bytes(encoding: str, size: int) -> None:
     assert encoded_bytes(128, encoding) == size == len(encode(np.zeros(128, np.float32), encoding))
+
+
+@pytest.mark.parametrize(("encoding", "rounds"), [("float32", [32, 128]), ("float16", [16, 64]), ("int8", [12, 36])])
+def test_sizes_of_a_policys_messages_depend_on_the_encoding(encoding: str, rounds: list[int]) -> None:
+    config = PolicyConfig("MAGAT-F-8-P3", taps=3)  # sends 8 numbers, then 8 + 3 * 8
+    assert round_bytes(config, encoding) == rounds
+    assert bytes_per_tick(config, encoding) == sum(rounds)
+    assert longest_payload(config, encoding) == rounds[1]
 
 
 def floats(dtype: str) -> Callable[..., bytes]:
@@ -174,7 +191,7 @@ def test_a_scale_that_no_robot_sends_is_refused(scale: float) -> None:
 
 @given(scale=st.floats(0, 8, width=32), steps=st.binary(min_size=3, max_size=3))
 def test_any_scale_within_the_range_makes_numbers_on_the_grid(scale: float, steps: bytes) -> None:
-    """It need not be on the grid itself: a stranger's is no worse than a robot's."""
+    """The scale itself need not be a multiple of the unit."""
     values = decode(np.array([scale], "<f4").tobytes() + steps, 3, "int8", MOST)
     assert (values / UNIT == np.rint(values / UNIT)).all()
     assert ((values >= 0) & (values <= MOST)).all()

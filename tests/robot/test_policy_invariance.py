@@ -1,4 +1,4 @@
-"""What decisions must not depend on, to the last bit: numbering, time, company, the order of messages."""
+"""Decisions are the same to the last bit for any numbering, time, batch and order of messages."""
 
 import itertools
 from collections.abc import Callable
@@ -22,7 +22,7 @@ def bits(*arrays: np.ndarray) -> list[bytes]:
 
 
 def known(own: LatentState) -> list[bytes]:
-    """All that robots know and send, bit by bit."""
+    """The latent states and messages of robots as bytes."""
     values = [getattr(own.state, field.name) for field in fields(NodeState)]
     return bits(own.messages, *(value.numpy() for value in values if isinstance(value, torch.Tensor)))
 
@@ -32,7 +32,7 @@ def decided(policy: Policy, observation: Observation, tick: int = 0) -> Decision
 
 
 def exchanged(policy: Policy, observation: Observation) -> list[LatentState]:
-    """What a team knows before the first round of messages and after each."""
+    """The latent states of a team before the first round of messages and after each round."""
     result = [policy.perceive(observation.field_of_view)]
     for _ in range(policy.rounds):
         messages = result[-1].messages[np.maximum(observation.heard, 0)]
@@ -41,14 +41,14 @@ def exchanged(policy: Policy, observation: Observation) -> list[LatentState]:
 
 
 def part(own: LatentState, rows: slice | np.ndarray) -> LatentState:
-    """What some robots of a team know."""
+    """The latent states of some robots of a team."""
     values = {field.name: getattr(own.state, field.name) for field in fields(NodeState)}
     rows_of = {name: value[rows] if isinstance(value, torch.Tensor) else value for name, value in values.items()}
     return LatentState(NodeState(**rows_of), own.messages[rows])
 
 
 def reordered(observation: Observation, order: np.ndarray) -> Observation:
-    """The same robots, numbered anew: row i is what was row ``order[i]``."""
+    """The same robots in another order: row i is the former row ``order[i]``."""
     new_number = np.append(np.argsort(order), -1)
     return Observation(
         observation.field_of_view[order],
@@ -80,7 +80,7 @@ def test_the_same_situation_at_another_time_weighs_the_same(
     then, meanwhile = random_team(rng, 12), random_team(rng, 9)
     policy = small_policy(**variant)
     first = decided(policy, then, ticks[0])
-    decided(policy, meanwhile, ticks[0] + 1)  # leaves nothing behind
+    decided(policy, meanwhile, ticks[0] + 1)  # must not leave any state
     again = decided(policy, then, ticks[1])
     assert bits(first.weights) == bits(again.weights)
     assert bits(first.primitives) == bits(decided(policy, then, ticks[0]).primitives)
@@ -100,7 +100,7 @@ def test_a_robot_that_computes_alone_from_messages_alone_gets_the_bits_of_the_wh
         own = policy.perceive(observation.field_of_view[here])
         for before, after in itertools.pairwise(team):
             assert known(own) == known(part(before, here))
-            # It hears its neighbours in another order each time, and knows nothing of places that stay empty.
+            # It hears its neighbours in another order each time, and without the empty places of the batch.
             messages = before.messages[rng.permutation(heard)][None]
             own = policy.hear(own, messages, np.ones(messages.shape[:2], bool))
             assert known(own) == known(part(after, here))
@@ -111,12 +111,12 @@ def test_a_robot_that_computes_alone_from_messages_alone_gets_the_bits_of_the_wh
 def test_a_team_of_more_than_one_chunk_gets_the_bits_of_its_parts(
     random_team: Callable, small_policy: Callable, variant: dict
 ) -> None:
-    view = random_team(np.random.default_rng(5), *[60] * 5).field_of_view
-    assert len(view) == 300
+    field_of_view = random_team(np.random.default_rng(5), *[60] * 5).field_of_view
+    assert len(field_of_view) == 300
     policy = small_policy(**variant)
-    whole = policy.perceive(view)
+    whole = policy.perceive(field_of_view)
     for begin, end in ((0, 7), (7, 256), (256, 260), (260, 300)):
-        assert known(part(whole, slice(begin, end))) == known(policy.perceive(view[begin:end]))
+        assert known(part(whole, slice(begin, end))) == known(policy.perceive(field_of_view[begin:end]))
 
 
 @pytest.mark.parametrize("name", ["MAGAT-F-128", "GAT-B-64-P2", "GNN_baseline-F-128"])
@@ -143,7 +143,7 @@ def test_the_number_of_threads_changes_nothing(
     try:
         torch.set_num_threads(3)
         three = decided(policy, observation)
-        anew = decided(Policy(random_network(**variant)), observation)  # deployed by as many
+        anew = decided(Policy(random_network(**variant)), observation)  # converted to fixed point with three threads
     finally:
         torch.set_num_threads(1)
     assert bits(one.weights, one.primitives) == bits(three.weights, three.primitives)
@@ -160,10 +160,10 @@ def test_neither_the_order_of_messages_nor_empty_places_matter_in_any_round(
     observation = random_team(rng, 20)
     for own in exchanged(policy, observation)[:-1]:
         robot = part(own, rng.integers(20, size=1))
-        heard = own.messages[rng.integers(20, size=8)]  # now and then two that are alike
+        heard = own.messages[rng.integers(20, size=8)]  # sometimes two equal messages
         plain = policy.hear(robot, heard[None], np.ones((1, 8), bool))
         places = rng.permutation(13)[:8]
-        scattered = np.full((1, 13, heard.shape[1]), np.nan, np.float32)  # what stands in empty places is not read
+        scattered = np.full((1, 13, heard.shape[1]), np.nan, np.float32)  # empty places are not read
         scattered[0, places] = heard
         present = np.zeros((1, 13), bool)
         present[0, places] = True
@@ -177,7 +177,7 @@ def test_a_robot_that_hears_nobody_still_decides(random_team: Callable, small_po
     def weights(places: int, present: bool) -> np.ndarray:
         own = seen
         for size in policy.config.message_sizes:
-            # All hear all, or there is nothing but NaN.
+            # All hear all, or all places are empty and hold NaN.
             messages = own.messages[None].repeat(6, axis=0) if present else np.full((6, places, size), np.nan)
             own = policy.hear(own, messages.astype(np.float32), np.full((6, places), present))
         return policy.weights(own)
@@ -186,7 +186,7 @@ def test_a_robot_that_hears_nobody_still_decides(random_team: Callable, small_po
     assert nobody.shape == (6, 5)
     assert (nobody.max(axis=1) == 2**24).all()
     assert bits(weights(3, present=False)) == bits(nobody)
-    # Hearing somebody is something else, where messages are sent at all.
+    # Messages change the result, unless the policy sends none.
     differs = (weights(6, present=True) != nobody).any(axis=1)
     assert differs.all() if policy.config.taps > 1 else not differs.any()
 
@@ -195,17 +195,17 @@ def test_what_a_robot_sees_reaches_as_far_as_there_are_hops_and_no_further(
     random_team: Callable, small_policy: Callable, variant: dict
 ) -> None:
     policy = small_policy(**variant)
-    # Teams in which each robot hears the one before it and the one behind it.
+    # Teams in which each robot hears its predecessor and its successor.
     teams, robots = 40, 8
-    view = random_team(np.random.default_rng(4), *[20] * 16).field_of_view[: teams * robots]
+    field_of_view = random_team(np.random.default_rng(4), *[20] * 16).field_of_view[: teams * robots]
     numbers = np.arange(teams * robots)
     heard = np.stack([numbers - 1, numbers + 1], axis=1)
     heard[::robots, 0] = heard[robots - 1 :: robots, 1] = -1
     streams = np.zeros(teams * robots, np.uint64)
-    before = policy.decide_together(view, heard, streams, 0).weights
-    view = view.copy()
-    view[::robots] = 1 - view[::robots]  # the first one of each team sees something else
-    after = policy.decide_together(view, heard, streams, 0).weights
+    before = policy.decide_together(field_of_view, heard, streams, 0).weights
+    field_of_view = field_of_view.copy()
+    field_of_view[::robots] = 1 - field_of_view[::robots]  # the first robot of each team sees something else
+    after = policy.decide_together(field_of_view, heard, streams, 0).weights
     changed = (after != before).any(axis=1).reshape(teams, robots).any(axis=0)
     hops = policy.config.layers * (policy.config.taps - 1)
     assert changed.tolist() == [distance <= hops for distance in range(robots)]
@@ -232,12 +232,12 @@ def test_each_robot_draws_from_its_own_stream_and_anew_in_each_tick(
 ) -> None:
     policy = small_policy("MAGAT-F-16")
     observation = random_team(np.random.default_rng(7), 1)
-    view = np.repeat(observation.field_of_view, 400, axis=0)
+    field_of_view = np.repeat(observation.field_of_view, 400, axis=0)
     nobody = np.zeros((400, 0), np.int64)
-    shared = policy.decide_together(view, nobody, np.full(400, 9, np.uint64), 0)
+    shared = policy.decide_together(field_of_view, nobody, np.full(400, 9, np.uint64), 0)
     assert len(set(shared.primitives.tolist())) == 1
-    own = policy.decide_together(view, nobody, np.arange(400, dtype=np.uint64), 0)
-    later = policy.decide_together(view, nobody, np.arange(400, dtype=np.uint64), 1)
+    own = policy.decide_together(field_of_view, nobody, np.arange(400, dtype=np.uint64), 0)
+    later = policy.decide_together(field_of_view, nobody, np.arange(400, dtype=np.uint64), 1)
     share = own.weights[0] / own.weights[0].sum()
     for decision in (own, later):
         counts = np.bincount(decision.primitives, minlength=5)

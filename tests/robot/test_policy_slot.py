@@ -91,7 +91,7 @@ def test_a_second_deployment_goes_back_to_the_first(slot, folders):
 
 
 def refusal_of(slot: PolicySlot, digest: str, files: dict[str, bytes]) -> str:
-    """Why a deployment is refused, which changes nothing else."""
+    """The reason why a deployment is refused; the refusal must not change anything else."""
     policy = slot.policy
     slot.prepare(9, digest, files)
     assert slot.prepared == 9

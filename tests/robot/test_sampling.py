@@ -1,4 +1,4 @@
-"""The numbers that robots draw, and what they choose by them."""
+"""The random numbers of robots, and the weighted choices by them."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ streams = st.integers(0, MASK)
 
 
 def splitmix(seed: int, tick: int) -> float:
-    """SplitMix64 in Python's whole numbers: the output after ``tick + 1`` steps, as a fraction of one."""
+    """SplitMix64 in Python integers: the output after ``tick + 1`` steps, scaled to [0, 1)."""
     z = (seed + (tick + 1) * 0x9E3779B97F4A7C15) & MASK
     z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & MASK
     z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & MASK
@@ -29,7 +29,7 @@ def test_draws_are_splitmix_numbers_one_by_one_or_together(seeds: list[int], tic
 
 
 def test_splitmix_gives_the_published_numbers() -> None:
-    # The first outputs of the authors' generator with the seed 1234567.
+    # First outputs of the authors' generator with the seed 1234567.
     published = [6457827717110365317, 3203168211198807973, 9817491932198370423, 4593380528125082431]
     stream = np.array([1234567], dtype=np.uint64)
     assert [int(uniform(stream, tick)[0] * 2**53) for tick in range(4)] == [value >> 11 for value in published]
@@ -47,7 +47,7 @@ def test_draws_are_spread_evenly(along: str) -> None:
     else:
         draws = np.concatenate([uniform(np.array([77], dtype=np.uint64), tick) for tick in range(20_000)])
     counts = np.histogram(draws, bins=100, range=(0, 1))[0]
-    # Chi-square of 99 degrees of freedom: above 160 once in 10,000 tries.
+    # Chi-square with 99 degrees of freedom exceeds 160 with probability 1e-4.
     assert ((counts - 200) ** 2 / 200).sum() < 160
     assert abs(np.corrcoef(draws[:-1], draws[1:])[0, 1]) < 0.03
 
@@ -63,7 +63,7 @@ def test_an_alternative_is_chosen_for_its_share_of_the_draws(rows: list[list[int
     for row, draw, choice in zip(rows, draws, chosen.tolist(), strict=True):
         assert 0 <= choice < 5
         assert row[choice] > 0
-        ticket = int(draw * 2**53) * sum(row) >> 53  # the draw as one of the whole units
+        ticket = int(draw * 2**53) * sum(row) >> 53  # index of the unit of weight that is drawn
         assert sum(row[:choice]) <= ticket < sum(row[: choice + 1])
 
 
@@ -85,5 +85,5 @@ def test_choices_come_as_often_as_their_weights_say() -> None:
     counts = np.bincount(chosen, minlength=5)
     assert counts[1] == 0
     expected = 20_000 * weights[weights > 0] / 10
-    # Chi-square of 3 degrees of freedom: above 21 once in 10,000 tries.
+    # Chi-square with 3 degrees of freedom exceeds 21 with probability 1e-4.
     assert ((counts[weights > 0] - expected) ** 2 / expected).sum() < 21

@@ -1,4 +1,4 @@
-"""Policy folders: what was saved decides as before; what is damaged is refused by the name of the file."""
+"""Policy folders: a loaded policy decides as the saved one; damaged files are refused by name."""
 
 import dataclasses
 import hashlib
@@ -30,7 +30,7 @@ def rewrite_config(folder: Path, change: Callable[[dict], object]) -> None:
 
 
 def rewrite_weights(folder: Path, tensors: dict[str, torch.Tensor]) -> None:
-    """Other weights, under the digest that they have."""
+    """Replace the weights, and update their digest."""
     save_file(tensors, folder / WEIGHTS)
     digest = hashlib.sha256((folder / WEIGHTS).read_bytes()).hexdigest()
     rewrite_config(folder, lambda stored: stored.update(sha256=digest))
@@ -75,7 +75,7 @@ def test_what_was_trained_is_stored_and_nothing_that_deployment_makes_of_it(
     random_network: Callable, tmp_path: Path, variant: dict
 ) -> None:
     network = random_network(**variant)
-    Policy(network)  # deployed once already
+    Policy(network)  # converts a copy to fixed point
     save(network, tmp_path, "")
     stored = load_file(tmp_path / WEIGHTS)
     assert set(stored) == {*dict(network.named_parameters()), *dict(network.named_buffers())}

@@ -1,4 +1,4 @@
-"""The deployed form of a network: close to what was trained, exact, and refused where it cannot be."""
+"""The fixed-point form of a network: close to the trained form, exact, and refused if it cannot be exact."""
 
 import copy
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from magat_robot.policy.policy import Decision, Policy
 
 
 def on_grid(*shape: int, seed: int = 0) -> torch.Tensor:
-    """Activations as they occur: multiples of 1/64 from 0 to 8, many at the ends."""
+    """Realistic activations: multiples of 1/64 from 0 to 8, many at both ends."""
     generator = torch.Generator().manual_seed(seed)
     return (torch.randn(shape, generator=generator) * 200 + 200).round().clamp(0, 512) / 64
 
@@ -31,7 +31,7 @@ def test_a_deployed_policy_decides_much_as_its_network_does(
         logits = network.eval()(torch.from_numpy(team.field_of_view).float(), torch.from_numpy(team.heard))
     trained = logits.softmax(1).numpy()
     deployed = decision.weights / decision.weights.sum(axis=1, keepdims=True)
-    assert trained.std(axis=0).max() > 0.05  # robots do not all want the same
+    assert trained.std(axis=0).max() > 0.05  # the robots' decisions differ
     assert np.abs(deployed - trained).mean() < 0.01
     assert np.abs(deployed - trained).max() < 0.15
 
@@ -56,7 +56,7 @@ def spread(request: pytest.FixtureRequest) -> float:
 
 @pytest.fixture(params=["MAGAT-F-16", "GNN_baseline-F-16"], ids=["residual", "plain"])
 def extractor(request: pytest.FixtureRequest, random_network: Callable, spread: float) -> FeatureExtractor:
-    """The deployed CNN of a network whose convolutions' weights are ``spread``."""
+    """The fixed-point CNN of a network whose normalisations are scaled by ``spread``."""
     network = random_network(request.param, channels=(8, 12, 16))
     for module in network.modules():
         if isinstance(module, torch.nn.BatchNorm2d):
@@ -68,7 +68,7 @@ def test_sums_of_deployed_convolutions_are_exact_in_float32(extractor: FeatureEx
     for layer in extractor.modules():
         if isinstance(layer, ConvNorm):
             x = on_grid(16, layer.conv.in_channels, 6, 6)
-            if layer.conv.in_channels == 3:  # the first one sees zeros and ones
+            if layer.conv.in_channels == 3:  # the first one has inputs 0 and 1
                 x = (x > 3).float()
             exact = copy.deepcopy(layer).double()(x.double())
             assert torch.equal(layer(x).double(), exact)
@@ -81,7 +81,7 @@ def test_no_deployed_convolution_can_reach_two_to_the_24_units(extractor: Featur
     if extractor.stem is not None:
         sums = [([extractor.stem], *zeros_and_ones)]
         for block in extractor.blocks:
-            # The second convolution and the skip are added up: one sum.
+            # The second convolution and the skip feed one sum.
             sums += [([block.first], *activations), ([block.second, block.skip], *activations)]
     else:
         layers = [layer for block in extractor.blocks for layer in (block.first, block.second) if layer is not None]
@@ -112,7 +112,7 @@ def test_layers_after_the_convolutions_are_exact_in_float64(random_network: Call
             seen += 1
             assert parameter.dtype == torch.float64
             assert torch.equal(parameter * 2**16, (parameter * 2**16).round())
-            # Only sums over neighbours go beyond activations.
+            # Only sums over neighbours can exceed the range of activations.
             most = fp.SUM_MAX if name == "taps" else fp.ACTIVATION_MAX
             assert parameter.abs().sum() * most * 2 ** (16 + fp.EXPONENT_BITS) < 2**53
             assert parameter.any() or not parameter.numel()
@@ -149,7 +149,7 @@ def test_scores_of_attention_are_exact_sums(random_network: Callable, name: str,
         if name.startswith("MAGAT"):
             rows = weights[p * 8 : p * 8 + 8].tolist()
             query = [sum(Fraction(w) * value for w, value in zip(row, own, strict=True)) for row in rows]
-            # To the nearest multiple of 1/64, half to even, up to 64.
+            # Rounded to the nearest multiple of 1/64, half to even, up to 64.
             query = [min(max(Fraction(round(64 * value), 64), Fraction(-64)), Fraction(64)) for value in query]
             queries += query
             exact = sum(q * value for q, value in zip(query, key, strict=True))
@@ -165,12 +165,12 @@ def test_scores_of_attention_are_exact_sums(random_network: Callable, name: str,
 
 def test_logits_are_multiples_of_a_256th_and_no_larger_than_64(random_network: Callable, variant: dict) -> None:
     network = random_network(**variant)
-    view = (torch.rand(20, 3, 11, 11, generator=torch.Generator().manual_seed(5)) < 0.2).float()
+    field_of_view = (torch.rand(20, 3, 11, 11, generator=torch.Generator().manual_seed(5)) < 0.2).float()
     heard = (torch.arange(20)[:, None] + torch.arange(1, 4)) % 20
-    logits = to_fixed_point(network)(view, heard)
+    logits = to_fixed_point(network)(field_of_view, heard)
     with torch.no_grad():
         network.action.weight.mul_(200)
-    larger = to_fixed_point(network)(view, heard)
+    larger = to_fixed_point(network)(field_of_view, heard)
     for values in (logits, larger):
         assert torch.equal(values * 256, (values * 256).round())
     assert 0.5 < logits.abs().max() < 20
@@ -183,7 +183,7 @@ def test_attention_folded_into_two_vectors_does_not_show_in_which_order_they_wer
     network = random_network("GAT-F-128-P4")
     turned = copy.deepcopy(network)
     with torch.no_grad():
-        # The same sums, from the last term to the first.
+        # The same sums with the terms in reverse order.
         turned.layers[0].taps.copy_(network.layers[0].taps.flip(3))
         turned.layers[0].pair.copy_(network.layers[0].pair.flip(2))
     assert torch.equal(to_fixed_point(network).layers[0].folded, to_fixed_point(turned).layers[0].folded)
@@ -197,9 +197,9 @@ def test_means_of_messages_halfway_between_two_steps_round_alike_in_any_order(
     network = random_network(name, taps=3)
     for parameter in ("query.weight", "pair"):
         if parameter in dict(network.layers[0].named_parameters()):
-            torch.nn.init.zeros_(network.layers[0].get_parameter(parameter))  # all weigh the same
+            torch.nn.init.zeros_(network.layers[0].get_parameter(parameter))  # equal attention
     layer = to_fixed_point(network).layers[0]
-    # The mean of 24 multiples of 1/256 lies halfway between two others if they sum up to 12 modulo 24.
+    # The mean of 24 multiples of 1/256 lies halfway between two multiples if their sum is 12 modulo 24.
     unit = 4 if hop == 1 else 1
     values = (on_grid(24, 16).double() / 4 * 256 / unit).round() * unit
     values[0] += (12 - values.sum(0)) % 24
@@ -215,7 +215,7 @@ def test_means_of_messages_halfway_between_two_steps_round_alike_in_any_order(
 
 @pytest.fixture
 def summing(random_network: Callable) -> GraphLayer:
-    """A deployed layer of the bare adjacency, whose weights are nearly as large as they may be."""
+    """A fixed-point layer with the bare adjacency and weights close to their limit."""
     network = random_network("GNN-F-8-P3", taps=3, normalise=False)
     with torch.no_grad():
         for parameter in network.layers[0].parameters():
@@ -227,7 +227,7 @@ def summing(random_network: Callable) -> GraphLayer:
 def test_sums_over_many_neighbours_are_exact_up_to_where_they_are_cut_off(summing: GraphLayer, neighbours: int) -> None:
     present = torch.ones(2, neighbours, dtype=torch.bool)
     first = on_grid(2, neighbours, 8).double()
-    # In a second round each may bring as much as could be added up in the first, to 1/256.
+    # In the second hop each message can be as large as a sum of the first hop, in multiples of 1/256.
     second = (torch.rand(2, neighbours, 8, generator=torch.Generator().manual_seed(4)).double() * 2**19).round() / 256
     second[1] /= neighbours
     second[1] = (second[1] * 256).round() / 256
@@ -243,7 +243,7 @@ def test_sums_over_many_neighbours_are_exact_up_to_where_they_are_cut_off(summin
 
 
 def test_what_large_sums_are_multiplied_by_leaves_them_exact(summing: GraphLayer) -> None:
-    sums = 2048 - on_grid(5, 1, 8).double() / 4  # 2048 and a little less, in multiples of 1/256
+    sums = 2048 - on_grid(5, 1, 8).double() / 4  # 2048 and slightly less, in multiples of 1/256
     assert torch.equal(sums * 256, (sums * 256).round())
     x = 8 - on_grid(5, 8).double() / 64
     x = (x * 64).round() / 64
@@ -258,7 +258,7 @@ def test_what_large_sums_are_multiplied_by_leaves_them_exact(summing: GraphLayer
                     for f in range(8)
                 )
                 assert Fraction(float(total[r, p * 8 + g])) == exact
-    # In float32 they would not be.
+    # In float32 these sums are not exact.
     assert not torch.equal(total, total.float().double())
     assert total.abs().max() > 1e6
 
@@ -284,10 +284,10 @@ def test_messages_of_every_round_are_on_their_grid(
             assert (units == np.round(units)).all()
             assert messages.min() >= 0
             assert 1 < messages.max() <= (8 if first or config.normalise else 2048)
-            # Means are all exact in 16 bits, too.
+            # Means are exact in float16, too.
             assert not (first or config.normalise) or (messages.astype(np.float16) == messages).all()
         own = policy.hear(own, messages[np.maximum(team.heard, 0)], team.heard >= 0)
-    assert own.messages.shape == (40, 0)  # there is nothing left to say
+    assert own.messages.shape == (40, 0)  # no messages after the last round
     assert (own.state.x * 64 == (own.state.x * 64).round()).all()
     assert 1 < own.state.x.max() <= 8
 
@@ -320,7 +320,7 @@ def test_the_temperature_divides_the_logits(random_team: Callable, random_networ
         policy = Policy(random_network(temperature=temperature))
         decision = policy.decide_together(team.field_of_view, team.heard, team.streams, 0)
         relative = np.log(np.maximum(decision.weights, 0.5) / 2**24)
-        logs[temperature] = np.where(relative < -12, np.nan, relative)  # further down, table entries are small
+        logs[temperature] = np.where(relative < -12, np.nan, relative)  # below, the table's rounding dominates
     known = np.isfinite(logs[0.5])
     assert known.sum() > 40
     assert logs[0.5][known] == pytest.approx(2 * logs[1.0][known], abs=0.01)
@@ -341,7 +341,7 @@ def test_a_team_of_nobody_decides_nothing(small_policy: Callable) -> None:
 
 
 def spoil(network: PolicyNetwork, name: str, value: float) -> PolicyNetwork:
-    """``network`` with ``value`` in the first place of one of its tensors."""
+    """``network`` with ``value`` as the first element of one of its tensors."""
     with torch.no_grad():
         network.state_dict()[name].view(-1)[0] = value
     return network
@@ -391,7 +391,7 @@ def test_a_product_of_weights_too_large_for_exact_sums_is_refused(random_network
     network = random_network("GAT-F-16")
     with torch.no_grad():
         for parameter in (network.layers[0].taps, network.layers[0].pair):
-            parameter.mul_(5000 / parameter.abs().sum())  # each for itself would do
+            parameter.mul_(5000 / parameter.abs().sum())  # each alone is within the bound
         network.layers[0].taps[0, 0, 0, 0] = network.layers[0].pair[0, 0, 0] = 5000
     with pytest.raises(ValueError, match=r"layers\.0\.folded .*too large"):
         to_fixed_point(network)

@@ -1,4 +1,4 @@
-"""Another policy for a team that runs: all its robots switch between the same two episodes, or none does."""
+"""Deployment of a new policy to a running team: all robots switch between the same two episodes, or none does."""
 
 import io
 import os
@@ -30,7 +30,7 @@ CASE = SPLITS["test"][3]
 
 @pytest.fixture(scope="module")
 def other() -> Path:
-    """A policy that the teams do not begin with."""
+    """A policy other than the one that the teams start with."""
     return find_policy("MAGAT-B-32-P4")
 
 
@@ -51,16 +51,16 @@ def batched(folder: Path, number: int) -> np.ndarray:
 
 
 class Deployer:
-    """Sends policies to a team by its simulator's action."""
+    """Deploys policies to a team through the simulator's action."""
 
     def __init__(self, team):
         self._team = team
-        team.statuses()  # its robots are there
+        team.statuses()  # waits for all robots
         self._action = ActionClient(team.client.node, DeployPolicy, "deploy_policy")
         assert team.client.spin(self._action.server_is_ready, 20.0)
 
     def send(self, folder: Path, at: dict | None = None) -> None:
-        """Send the policy in ``folder``; ``at`` has what to do when the simulator first speaks of a state."""
+        """Deploy the policy in ``folder``; ``at`` maps states to functions, called at a state's first feedback."""
         self._at = dict(at or {})
         files = [PolicyFile(name=name, data=data) for name, data in read_files(folder).items()]
         goal = DeployPolicy.Goal(digest=read_folder(folder)[1], files=files)
@@ -69,7 +69,7 @@ class Deployer:
         )
 
     def error(self, timeout: float = 60.0) -> str:
-        """Of the deployment, which is waited for; empty if it came through."""
+        """Wait for the deployment to end; returns its error, or an empty string."""
         assert self._team.client.spin(self._accepted.done, 20.0)
         ended = self._accepted.result().get_result_async()
         assert self._team.client.spin(ended.done, timeout)
@@ -94,7 +94,7 @@ def test_all_switch_at_the_end_of_the_episode_and_walk_as_the_new_policy(start_t
         before = team.run(team.goal(CASE), send)
         after = team.run_undisturbed(team.goal(CASE))
         assert sent
-        if (before.result.silent, before.result.features_missing) == (0, 0):  # or the machine is busy
+        if (before.result.silent, before.result.features_missing) == (0, 0):  # otherwise the machine is too busy
             np.testing.assert_array_equal(before.recording.positions, batched(policy_folder, CASE))
         np.testing.assert_array_equal(after.recording.positions, batched(other, CASE))
         assert deployer.error(timeout=1.0) == ""
@@ -120,7 +120,7 @@ def test_one_refuses_and_nobody_switches(start_team, policy_folder, other, talka
             deploy(talkative, None, Console(file=io.StringIO()))
         outcome = team.run_undisturbed(team.goal(CASE))
         np.testing.assert_array_equal(outcome.recording.positions, batched(policy_folder, CASE))
-        # What was refused is no obstacle to what fits.
+        # A refused policy does not prevent the next one.
         deployer.send(other)
         assert deployer.error() == ""
         assert all_carry(team, other)
@@ -138,7 +138,7 @@ def test_one_is_killed_in_the_middle_and_started_again_and_carries_what_the_othe
         deployer.send(other, {getattr(DeployPolicy.Feedback, state): kill})
         assert deployer.error() == ""
         assert all_carry(team, other)
-        # Long after: what it was started with is not what the team carries now.
+        # Later: the policy that a robot is started with is not the team's current one.
         kill()
         assert team.client.spin(lambda: not set(victims) - set(team.processes.pids("robots")), 20.0)
         outcome = team.run_undisturbed(team.goal(CASE))
@@ -161,7 +161,7 @@ def test_one_is_killed_in_the_middle_for_good_and_the_others_go_back(start_team,
         os.kill(slow, signal.SIGSTOP)
         deployer.send(other, {getattr(DeployPolicy.Feedback, state): lambda: os.kill(victim, signal.SIGKILL)})
         if state == "SWITCHING":
-            # It is stopped when it could switch, but has not been told to: it would be quicker than the signal.
+            # Stop it between preparing and the order to switch: otherwise it could switch before the signal arrives.
             assert team.client.spin(lambda: len(prepared) == 9, 20.0)
             os.kill(victim, signal.SIGSTOP)
         os.kill(slow, signal.SIGCONT)

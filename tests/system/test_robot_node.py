@@ -1,4 +1,4 @@
-"""What a robot's node makes of messages, and when its deadline runs: one node, with nobody there."""
+"""A robot's node alone: how it handles messages, and when its deadline runs."""
 
 import array
 
@@ -14,13 +14,13 @@ from magat_robot.node import RobotNode
 from magat_robot.policy.payload import encode
 from magat_robot.policy.store import save
 
-#: Numbers of a message in each of two rounds, and bytes of the Features of a tick, by encoding.
+#: Numbers in a message of each of two rounds, and bytes of all Features of a tick by encoding.
 SIZES = (8, 16)
 FEATURE_BYTES = {"float32": 72 + 4 * 24, "float16": 72 + 2 * 24, "int8": 72 + 8 + 24}
 
 
 class Recorder:
-    """In place of a publisher, or of the timer of the deadline."""
+    """Replaces a publisher or the timer of the deadline, and records the calls."""
 
     def __init__(self):
         self.said = []
@@ -35,7 +35,7 @@ class Recorder:
         self.said.append("cancel")
 
     def new(self):
-        """What was said since it was last asked."""
+        """The calls since the last call of this method."""
         said, self.said = self.said, []
         return said
 
@@ -50,7 +50,7 @@ def two_rounds(random_network, tmp_path_factory):
 
 @pytest.fixture
 def node(two_rounds):
-    """Makes a node that says nothing to anybody."""
+    """Makes a node whose publishers and deadline are recorders."""
     context = rclpy.Context()
     made = []
 
@@ -125,7 +125,7 @@ def test_each_deadline_ends_one_wait(node):
     assert waits == [[(0, 2)], [(1, 2)], []]
     (preference,) = robots._send_preference.said
     assert (preference.tag, preference.heard) == (2, 0)
-    # None runs when all is over.
+    # No deadline runs after the tick.
     assert robots._deadline.said[-1] == "cancel"
 
 
@@ -135,7 +135,7 @@ def test_a_preference_says_what_was_sent_and_heard(node, encoding):
     code = {"float32": Feature.FLOAT32, "float16": Feature.FLOAT16, "int8": Feature.INT8}[encoding]
     robot._on_observation(0, observation(own_tag=9, audible=[4, 5, 6]))
     for number in range(2):
-        for tag in (4, 5):  # what 6 would say is missing in either round
+        for tag in (4, 5):  # the messages of 6 are missing in both rounds
             robot._on_feature(feature(tag, 0, number, code, values(number, encoding, tag)))
         robot._on_deadline()
     sent = robot._send_feature.new()
@@ -143,7 +143,7 @@ def test_a_preference_says_what_was_sent_and_heard(node, encoding):
     (preference,) = robot._send_preference.new()
     assert (preference.episode, preference.tick, preference.tag) == (7, 0, 9)
     assert preference.feature_bytes == sum(map(len, sent)) == FEATURE_BYTES[encoding]
-    # Of three announced: two missing, over both rounds.
+    # Three were announced, and two are missing over both rounds.
     assert preference.heard == 1
     assert np.exp(preference.log_probabilities).sum() == pytest.approx(1)
     assert robot._crew.exchange.dropped == 0
@@ -195,10 +195,10 @@ def test_a_process_that_waits_says_hello_for_all_its_robots_and_counts_the_other
     robots._on_beat()
     (hello,) = map(cdr.unpack_feature, robots._send_feature.new())
     assert (hello.episode, hello.tick, hello.round, hello.payload) == (0, Observation.HELLO, 0, b"\3\0\0\0")
-    robots._on_feature(cdr.pack_feature(*hello))  # its own comes back
+    robots._on_feature(cdr.pack_feature(*hello))  # the node receives its own hello
     for nonce, count in ((100, 4), (101, 1), (100, 4)):
         robots._on_feature(cdr.pack_feature(0, Observation.HELLO, 0, nonce, 0, bytes([count, 0, 0, 0])))
-    robots._on_feature(cdr.pack_feature(0, Observation.HELLO, 0, 102, 0, b""))  # this one cannot count
+    robots._on_feature(cdr.pack_feature(0, Observation.HELLO, 0, 102, 0, b""))  # without a count
     robots._on_beat()
     status = robots._send_status.said[-1]
     assert (status.robots, status.state) == (["a", "b", "c"], status.WAITING)
@@ -212,7 +212,7 @@ def test_a_process_that_waits_says_hello_for_all_its_robots_and_counts_the_other
     [({"team_size": 64}, 1), ({"team_size": 65}, 2), ({"team_size": 600}, 10), ({"radio": "relayed"}, None)],
 )
 def test_in_large_teams_hellos_are_seldom_and_where_nobody_hears_them_there_are_none(node, parameters, every):
-    """These are two robots a process."""
+    """Each process has two robots."""
     robots = node(["a", "b"], **parameters)
     said = []
     for beat in range(20):
@@ -258,7 +258,7 @@ def test_a_team_may_live_in_a_namespace_and_a_crew_in_it(two_rounds, options, to
         try:
             assert found("direct", **options) == topics
             assert found("relayed", **options) == topics | {f"{team}/a/heard"}
-            # The same robot, and another one, in a process of the team.
+            # The same robot and another one in one process.
             crew = found("relayed", ["a", "b"], namespace=f"{team}/a")
             assert crew == topics | {f"{team}/a/heard", f"{team}/b/heard", f"{team}/b/observation"}
         finally:

@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = ROOT / "ros2_ws" / "src"
 DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.glob("*.md"))]
 PACKAGES = {path.parent.name for path in SOURCES.glob("*/package.xml")}
 VERBS = {path.stem.replace("_", "-") for path in (SOURCES / "magat_cli/magat_cli/verb").glob("[a-z]*.py")}
 #: Where paths in code spans begin, those of packages apart.
@@ -78,7 +78,8 @@ def exists(name: str) -> bool:
 def test_paths_are_there(page: Path) -> None:
     for span in spans(page):
         in_package = "/" in span and span.partition("/")[0] in PACKAGES
-        if (in_package or span.startswith(FOLDERS)) and re.fullmatch(r"[\w./-]+", span):
+        placeholder = re.search(r"NAME|VERB|[^\w./-]", span)
+        if (in_package or span.startswith(FOLDERS)) and not placeholder:
             assert exists(span), f"{page.name} names {span}"
 
 
@@ -132,7 +133,8 @@ def parser_of(verb: str) -> argparse.ArgumentParser:
 def commands(code: str) -> Iterator[tuple[str, str]]:
     """Verbs and what follows them, of all ``magat VERB ...`` in a piece of code."""
     for line in code.splitlines():
-        yield from re.findall(r"(?<![\w./-])magat ([a-z][a-z-]*)([^#)\n]*)", line)
+        command = re.sub(r"(^|\s)#.*", "", line)
+        yield from re.findall(r"(?<![\w./-])magat ([a-z][a-z-]*)([^)\n]*)", command)
 
 
 @each_page

@@ -15,7 +15,7 @@ setup(
     zip_safe=True,
     maintainer="MAGAT maintainers",
     maintainer_email="maintainers@magat.example",
-    description="What a robot carries: the policy, from what it sees and hears to its action, and its node.",
+    description="A robot: its policy, its part in the exchange of messages, and its ROS node.",
     license="Apache-2.0",
     entry_points={"console_scripts": ["robot = magat_robot.node:main", "robots = magat_robot.forked:main"]},
 )

@@ -100,7 +100,7 @@ class Crew:
         self._latent: LatentState | None = None  # rows: the robots in the order of _observations
         self._round = 0
         self._audible: frozenset[int] = frozenset()  # tags that any of these robots can hear
-        self._awaited: set[int] = set()  # tags, or robots whose bundles are missing
+        self._awaited: set[int] = set()  # missing tags; if relayed, robots without a bundle
         self._bundles: dict[int, list[bytes]] = {}
         self._lost = np.zeros(0, dtype=np.int64)
         self._compute = 0.0

@@ -83,13 +83,7 @@ class RobotNode(LifecycleNode):
         # Shared topics are in the parent of a robot's namespace, so that a whole team can be put in a namespace.
         self._team, _, own = self.get_namespace().rpartition("/")
         self.robots = [own] if list(names) == [""] else list(names)
-        if not own or own not in self.robots:
-            raise ValueError(
-                f"the namespace {self.get_namespace()} is not the name of any of the robots {self.robots}: "
-                "start the node with -r __ns:=/NAME, where NAME is the robot, or one robot of the crew"
-            )
-        if len(set(self.robots)) < len(self.robots):
-            raise ValueError(f"the robots are {self.robots}: name each only once")
+        _check_names(self.robots, own, self.get_namespace())
         self._team_size = team_size
         processes = team_size / len(self.robots)
         self._hello_every = max(1, math.ceil(processes / HELLO_PROCESSES))
@@ -297,6 +291,17 @@ class RobotNode(LifecycleNode):
                 last_drop=exchange.last_drop,
             )
         )
+
+
+def _check_names(robots: list[str], own: str, namespace: str) -> None:
+    """Raise a ValueError unless ``own``, the end of the ``namespace``, is one of ``robots``, all of them different."""
+    if not own or own not in robots:
+        raise ValueError(
+            f"the namespace {namespace} is not the name of any of the robots {robots}: start the node with "
+            "-r __ns:=/NAME, where NAME is the robot, or one robot of the crew"
+        )
+    if len(set(robots)) < len(robots):
+        raise ValueError(f"the robots are {robots}: name each only once")
 
 
 def main(args: list[str] | None = None) -> int:

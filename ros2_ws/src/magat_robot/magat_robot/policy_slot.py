@@ -32,7 +32,7 @@ class PolicySlot:
         longest = longest_payload(policy.config, policy.config.encoding)
         self.policy = policy
         self.max_payload = max_payload or longest
-        #: Number of the deployment that brought `policy`; 0 for the policy that the process started with.
+        #: Number of the deployment that installed `policy`; 0 for the policy that the process started with.
         self.deployment = 0
         #: Number of the last deployment that was prepared or refused, and the reason if it was refused.
         self.prepared, self.refusal = 0, ""

@@ -56,7 +56,7 @@ class GraphLayer(fp.Exactable, ABC):
     """``y_i = sigma(x_i A_0 + sum_{k = 1}^{K - 1} [(E * S)^k X]_i A_k)`` per head, heads concatenated (Eq. 5, 8).
 
     ``[(E * S)^k X]_i`` is what reaches robot i over k hops, in k rounds of messages. The subclasses define how the
-    messages of a neighbourhood are weighed. Shapes: R robots, M places for messages, P heads, F inputs, G outputs.
+    messages of a neighbourhood are weighted. Shapes: R robots, M places for messages, P heads, F inputs, G outputs.
     """
 
     def __init__(self, config: PolicyConfig, inputs: int) -> None:

@@ -26,9 +26,9 @@ class LayerSpec:
 
     #: First part of the names of its policies.
     name: str
-    #: Messages are weighed by their contents. From the second hop on, each repeats the sender's x for this purpose.
-    #: Without attention all messages weigh the same, as the adjacency says, normalised or bare
-    #: (`PolicyConfig.normalise`).
+    #: The layer weights messages by their contents. For this, a message repeats the sender's x from the second hop on.
+    #: A layer without attention weights all messages equally: S is the adjacency, divided by the receiver's degree if
+    #: `PolicyConfig.normalise` is true.
     attention: bool = True
     #: The CNN is a plain stack, without residual blocks.
     plain_cnn: bool = False

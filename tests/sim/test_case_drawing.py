@@ -115,5 +115,5 @@ def test_a_case_that_cannot_be_drawn_is_refused(size: dict) -> None:
 
 
 def test_a_map_that_would_fill_the_memory_is_refused() -> None:
-    with pytest.raises(InvalidCaseError, match="65535x65535 cells is not drawn: ask for at most 1048576"):
+    with pytest.raises(InvalidCaseError, match="65535x65535 cells is too large to be drawn: ask for at most 1048576"):
         draw_case(seed=1, number=2, width=65535, height=65535)

@@ -66,7 +66,7 @@ def test_who_does_not_prepare_in_time_keeps_all_from_switching(deployment):
     assert not deployment.ended(120.0)
     assert deployment.ended(120.2), "who is not there is not waited for for ever"
     assert deployment.error == (
-        "no answer within 10 s from b, c; no answer about going back from b, c"
+        "no answer within 10 s from b, c; no answer to ROLL_BACK from b, c"
     )  # fmt: skip
 
 

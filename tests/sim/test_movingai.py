@@ -94,14 +94,14 @@ def test_a_map_is_written_as_others_read_it(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("height 3", "height x", r"a\.map:2: height is 'x': a whole number from 1"),
+        ("height 3", "height x", r"a\.map:2: height is 'x': give a whole number of at least 1"),
         ("width 4", "width 0", r"a\.map:3: width is '0'"),
-        ("width 4", "depth 4", r"a\.map:3: 'depth 4' is no line of a map's head"),
-        ("width 4\n", "", r"a\.map:3: the head lacks"),
+        ("width 4", "depth 4", r"a\.map:3: 'depth 4' is not a line of a map's header"),
+        ("width 4\n", "", r"a\.map:3: the header lacks"),
         ("map\n.@.T\n..GS\nOW..\n", "", r"a\.map: there is no line 'map'"),
-        ("..GS", "..G", r"a\.map:6: the row has 3 cells, and the map's width is 4"),
-        ("..GS", "..?S", r"a\.map:6: '\?' in column 3 is no terrain"),
-        ("OW..\n", "", r"a\.map: there are 2 rows, and the map's height is 3"),
+        ("..GS", "..G", r"a\.map:6: the row has 3 cells, but the map's width is 4"),
+        ("..GS", "..?S", r"a\.map:6: '\?' in column 3 is not a terrain"),
+        ("OW..\n", "", r"a\.map: there are 2 rows, but the map's height is 3"),
     ],
 )
 def test_a_bad_map_is_refused_with_its_line(files, old, new, message):
@@ -118,9 +118,9 @@ def test_a_bad_map_is_refused_with_its_line(files, old, new, message):
         ("\t2\t2\t0\t1", "\t-1\t2\t0\t1", r"a\.scen:3: start x is '-1'"),
         ("\t2\t2\t0\t1", "\t2\t3\t0\t1", r"a\.scen:3: the start \(2, 3\), .* outside the 4x3 map"),
         ("\t2\t2\t0\t1", "\t2\t2\t1\t0", r"a\.scen:3: the goal \(1, 0\), .* is an obstacle"),
-        ("\t2\t2\t0\t1", "\t0\t0\t0\t1", r"a\.scen:3: the start \(0, 0\), .* is that of line 2, too"),
-        ("\t2\t2\t0\t1", "\t2\t2\t3\t2", r"a\.scen:3: the goal \(3, 2\), .* is that of line 2, too"),
-        ("\t4\t3\t2", "\t4\t4\t2", r"a\.scen:3: the scenario is for 4x4 cells, and the map has 4x3"),
+        ("\t2\t2\t0\t1", "\t0\t0\t0\t1", r"a\.scen:3: the start \(0, 0\), .* is also that of line 2"),
+        ("\t2\t2\t0\t1", "\t2\t2\t3\t2", r"a\.scen:3: the goal \(3, 2\), .* is also that of line 2"),
+        ("\t4\t3\t2", "\t4\t4\t2", r"a\.scen:3: the scenario is for 4x4 cells, but the map has 4x3"),
     ],
 )
 def test_a_bad_scenario_is_refused_with_its_line(files, old, new, message):
@@ -130,7 +130,7 @@ def test_a_bad_scenario_is_refused_with_its_line(files, old, new, message):
 
 @pytest.mark.parametrize(("scenario", "robots"), [(SCENARIO, 3), ("version 1\n", None), ("version 1\n", 0)])
 def test_too_few_robots_are_refused(files, scenario, robots):
-    with pytest.raises(MovingAIError, match="robots in it"):
+    with pytest.raises(MovingAIError, match="robots, but"):
         read_case(*files(scenario=scenario), robots)
 
 

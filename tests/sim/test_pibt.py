@@ -12,8 +12,8 @@ from magat_sim.case import Case
 from magat_sim.grid import DELTAS, Primitive
 from magat_sim.shield import (
     MEMORY,
-    NOBODY,
-    NOWHERE,
+    NO_CELL,
+    NO_ROBOT,
     RETURN_PENALTY,
     SHIELDS,
     Scene,
@@ -75,7 +75,7 @@ def random_scene(rng: np.random.Generator, side: int, robots: int, density: floa
         grid[1, 1] = False
         place = np.flatnonzero(~grid)
     leads = place[:, None] + np.array([0, side + 2, -(side + 2), -1, 1])
-    occupant = np.full(grid.size, NOBODY)
+    occupant = np.full(grid.size, NO_ROBOT)
     occupant[place] = np.arange(len(place))
     silent = rng.random(len(place)) < 0.1
     return Scene(
@@ -87,7 +87,7 @@ def random_scene(rng: np.random.Generator, side: int, robots: int, density: floa
         log_probabilities=rng.choice([-0.1, -1.0, -2.5, -20.0], size=(len(place), 5)).astype(np.float32),
         silent=silent,
         waited=rng.integers(4, size=len(place)),
-        trail=np.where(rng.random((len(place), 8)) < 0.3, NOWHERE, rng.choice(leads, 8, axis=1)),
+        trail=np.where(rng.random((len(place), 8)) < 0.3, NO_CELL, rng.choice(leads, 8, axis=1)),
         draw=rng.random(len(place)),
     )
 
@@ -98,7 +98,7 @@ def assert_legal(scene: Scene, made: np.ndarray) -> None:
     assert scene.free[robots, made].all()
     assert len(set(to.tolist())) == len(to), "two in one place"
     ahead = scene.ahead[robots, made]
-    swaps = (ahead != NOBODY) & (ahead != robots) & (to[ahead] == scene.place)
+    swaps = (ahead != NO_ROBOT) & (ahead != robots) & (to[ahead] == scene.place)
     assert not swaps.any()
     assert (made[scene.silent] == IDLE).all()
 
@@ -305,5 +305,5 @@ def test_wishes_of_another_shape_are_refused(wishes: Actions, said: str) -> None
 
 
 def test_a_shield_that_does_not_exist_is_refused() -> None:
-    with pytest.raises(ValueError, match="no shield 'none': it is one of idle, pibt, pibt-memory"):
+    with pytest.raises(ValueError, match=f"no shield 'none': it is one of {', '.join(SHIELDS)}"):
         Rules(shield="none")

@@ -78,9 +78,9 @@ def test_a_team_is_asked_for_each_case_in_full(cases: list[Case], files: list[st
     [
         ({"--scen": []}, "--map and --scen belong together"),
         ({"--map": []}, "--map and --scen belong together"),
-        ({"--robots": ["8"]}, "a.scen: there are 7 robots in it, and 8 are asked for"),
+        ({"--robots": ["8"]}, "a.scen: it has 7 robots, but 8 are needed"),
         ({"--map": ["none.map"]}, "none.map cannot be read: No such file"),
-        ({"--scen": ["twice.scen"]}, "is that of line 2, too: starts must differ"),
+        ({"--scen": ["twice.scen"]}, "is also that of line 2: starts must differ"),
         (
             {"--scen": ["apart.scen"], "--map": ["apart.map"], "--robots": ["1"]},
             "apart.scen: robot 0: goal (2, 0) cannot",

@@ -1,4 +1,4 @@
-"""The physics of the team: grid, field of view, radio graph, shield, episodes and their measures.
+"""The physics of the team: grid, field of view, radio graph, shields, episodes and their measures.
 
-Everything here but ``node`` is free of ROS: training, evaluation and the simulator node run the same code.
+Only ``node`` and ``deployment_server`` use ROS. Training, evaluation and the simulator node run the same code.
 """

@@ -9,12 +9,12 @@ from scipy import ndimage
 from magat_node.errors import MagatError
 from magat_sim.grid import BoolArray, IntArray, at, inside
 
-#: Of a map that is drawn: cells take memory and time, and whoever is in the network may ask for them.
+#: Limit for drawn maps, because any client in the network may request them and cells take memory and time.
 MOST_CELLS = 2**20
 
 
 class InvalidCaseError(MagatError, ValueError):
-    """A case that no simulator should accept; the message says which robot, which cell and why."""
+    """A case is invalid; the message says which robot, which cell and why."""
 
 
 @dataclass(frozen=True)
@@ -74,23 +74,25 @@ def make_case(obstacles: npt.ArrayLike, starts: npt.ArrayLike, goals: npt.ArrayL
 def draw_case(
     seed: int, number: int, width: int = 20, height: int = 20, robots: int = 10, density: float = 0.1
 ) -> Case:
-    """Case ``number`` of the endless series that ``seed`` names; the same on every machine.
+    """Case ``number`` of the series of ``seed``; the same on every machine.
 
     Obstacles are drawn uniformly (exactly ``round(density * width * height)`` of them), starts are unique, goals are
     unique, and every goal can be reached from its start.
 
     Raises:
-        InvalidCaseError: no case with these numbers can be drawn (too many robots, obstacles or cells).
+        InvalidCaseError: too many robots, obstacles or cells.
     """
-    whole = 0 <= density < 1  # NaN is not
+    whole = 0 <= density < 1  # false for NaN
     count = round(density * width * height) if whole else 0
     if width * height > MOST_CELLS:
-        raise InvalidCaseError(f"a map of {width}x{height} cells is not drawn: ask for at most {MOST_CELLS} cells")
+        raise InvalidCaseError(
+            f"a map of {width}x{height} cells is too large to be drawn: ask for at most {MOST_CELLS} cells"
+        )
     if not (whole and width > 0 and height > 0 and robots > 0 and count + robots <= width * height):
         raise InvalidCaseError(
             f"{robots} robots do not fit on a {width}x{height} map of obstacle density {density}: ask for fewer"
         )
-    # Only random() is drawn: its stream is part of numpy's compatibility promise, unlike choice() or shuffle().
+    # Only random() is used: NumPy promises that its stream does not change, unlike those of choice() and shuffle().
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, number])))
     cells = np.zeros(width * height, dtype=bool)
     cells[np.argsort(rng.random(width * height), kind="stable")[:count]] = True
@@ -103,9 +105,9 @@ def draw_case(
 
 
 def _draw_goals(grid: BoolArray, starts: IntArray, shuffled: IntArray) -> IntArray:
-    """For each start the first cell of ``shuffled`` that it can reach and that no start before it took.
+    """For each start, the first cell of ``shuffled`` that is reachable from it and not yet taken.
 
-    There always is one: a region has at least as many cells as starts.
+    There always is one, because a region has at least as many cells as starts.
     """
     regions, _ = ndimage.label(~grid)
     region_of = at(regions, shuffled)
@@ -129,12 +131,12 @@ def _cells(cells: npt.ArrayLike, what: str) -> IntArray:
     array = _numbers(cells, what)
     if array.ndim != 2 or array.shape[1] != 2 or len(array) == 0:
         raise InvalidCaseError(f"{what} have shape {array.shape}: give [N, 2] cells (x, y), N at least 1")
-    # Written so that NaN fails, too; no map reaches 2**31.
+    # This form fails for NaN, too. No map reaches 2**31.
     whole = (np.floor(array) == array) & (np.abs(array) < 2**31)
     if not whole.all():
         robot = int(np.flatnonzero(~whole.all(axis=1))[0])
         raise InvalidCaseError(
-            f"robot {robot}: {what} hold {array[robot].tolist()}, which is no cell: give whole numbers"
+            f"robot {robot}: {what} hold {array[robot].tolist()}, which is not a cell: give whole numbers"
         )
     return array.astype(np.int64)
 

@@ -1,4 +1,4 @@
-"""A policy on its way to a team: every robot prepares it, then all switch, or none does. No ROS; time is passed in."""
+"""Deploying a policy to a team: all robots prepare it, then all switch, or none does. No ROS; time is passed in."""
 
 import enum
 from collections.abc import Sequence
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Order(enum.IntEnum):
-    """What all robots are told, as in `magat_interfaces/msg/Deployment`."""
+    """An order to all robots, as in `magat_interfaces/msg/Deployment`."""
 
     PREPARE = 0
     SWITCH = 1
@@ -14,7 +14,7 @@ class Order(enum.IntEnum):
 
 
 class RobotReport(NamedTuple):
-    """What a robot last said of its policies, as in `magat_interfaces/msg/RobotStatus`."""
+    """A robot's last report about its policies, as in `magat_interfaces/msg/RobotStatus`."""
 
     deployment: int
     prepared: int
@@ -22,21 +22,20 @@ class RobotReport(NamedTuple):
 
 
 class Deployment:
-    """Decides what robots are told, from what they say.
+    """Decides on the orders to the robots, from their reports.
 
-    It ends with all robots on the new policy and no `error`, or with all that can be reached on what they carried
-    before. A robot that cannot be reached is not waited for beyond ``patience``; the last order holds for it, too, when
-    it comes back.
+    It ends with all robots on the new policy and no `error`, or with all reachable robots on the policy from before. It
+    waits at most ``patience`` for each robot. The last order also holds for a robot that returns later.
     """
 
     def __init__(self, number: int, robots: Sequence[str], now: float, patience: float) -> None:
         """Begin with `Order.PREPARE`.
 
         Args:
-            number: of the deployment, not 0.
-            robots: all names.
+            number: the number of the deployment, not 0.
+            robots: the names of all robots.
             now: seconds.
-            patience: wait so long for the robots after each order, seconds.
+            patience: how long to wait for the robots after each order, seconds.
         """
         self.number = number
         self.order = Order.PREPARE
@@ -46,22 +45,22 @@ class Deployment:
         self._reports: dict[str, RobotReport] = {}
 
     def reported(self, robots: Sequence[str], report: RobotReport) -> None:
-        """Take what the process of ``robots`` says, after the last order."""
+        """Take the report of the process of ``robots``."""
         self._reports.update(dict.fromkeys(robots, report))
 
     @property
     def error(self) -> str:
-        """Why the policy is not deployed; empty as long as nothing is in the way."""
+        """Why the policy is not deployed; empty if nothing has failed."""
         lost = self._behind() if self.order is Order.ROLL_BACK else []
-        return self._error + (f"; no answer about going back from {', '.join(lost)}" if lost else "")
+        return self._error + (f"; no answer to ROLL_BACK from {', '.join(lost)}" if lost else "")
 
     @property
     def done(self) -> int:
-        """How many robots have done as they were told."""
+        """How many robots have followed the last order."""
         return len(self._robots) - len(self._behind())
 
     def advance(self, now: float) -> Order | None:
-        """The next order, if it is time for one."""
+        """The next order, or None if it is not time for one."""
         behind, refusing = self._behind(), self._refusing()
         late = now - self._ordered > self._patience
         if self.order is Order.ROLL_BACK:
@@ -75,16 +74,16 @@ class Deployment:
         return None
 
     def ended(self, now: float) -> bool:
-        """Whether all that can be had has been done."""
+        """Whether the deployment has ended: all robots have followed the last order, or ROLL_BACK has timed out."""
         last = self.order is not Order.PREPARE and not self._behind()
         return last or (self.order is Order.ROLL_BACK and now - self._ordered > self._patience)
 
     def cancel(self, now: float) -> Order | None:
-        """Give it up, unless it is given up already."""
+        """Roll back, unless that is under way; returns the order, if there is a new one."""
         return None if self.order is Order.ROLL_BACK else self._roll_back(now, "cancelled")
 
     def _behind(self) -> list[str]:
-        """Robots that have not done, as far as is known, what they were told."""
+        """Robots that have not reported that they followed the last order."""
         return [name for name in self._robots if not self._follows(self._reports.get(name))]
 
     def _follows(self, report: RobotReport | None) -> bool:
@@ -106,5 +105,5 @@ class Deployment:
 
     def _give(self, order: Order, now: float) -> Order:
         self.order, self._ordered = order, now
-        self._reports = {}  # only what is said after it counts
+        self._reports = {}  # only reports after the order count
         return order

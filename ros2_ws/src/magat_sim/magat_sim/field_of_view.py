@@ -1,4 +1,4 @@
-"""What one robot sees: the input tensor of the policy (MAGAT paper, Sec. V-B)."""
+"""The field of view of a robot: the input tensor of the policy (MAGAT paper, Sec. V-B)."""
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +17,7 @@ Uint8Array = npt.NDArray[np.uint8]
 
 
 def pad(grids: npt.ArrayLike, value: int) -> Uint8Array:
-    """``[..., H, W]`` grids with `RADIUS` cells of ``value`` around each, so that no field of view leaves the array."""
+    """``[..., H, W]`` grids, padded with `RADIUS` cells of ``value`` so that no field of view leaves the array."""
     grids = np.asarray(grids, dtype=np.uint8)
     width = [(0, 0)] * (grids.ndim - 2) + [(RADIUS, RADIUS)] * 2
     return np.pad(grids, width, constant_values=value)
@@ -37,11 +37,11 @@ def field_of_view(
 
     Returns:
         ``[R, 3, 11, 11]`` uint8 of 0 and 1, rows along y (up), columns along x; the robot is at ``[:, 5, 5]``. The
-        outer ring is zero but for the goal's mark: a goal out of view is marked where the line to it crosses the ring.
+        outer ring is zero except for the mark of a goal out of view, which is where the line to the goal crosses it.
     """
     _, height, width = obstacles.shape
     window = (np.arange(2 * RADIUS + 1)[:, None] * width + np.arange(2 * RADIUS + 1)).ravel()
-    # In padded arrays the window's corner stands at the robot's own (x, y).
+    # In padded arrays the corner of the window is at the robot's (x, y).
     corner = (world * height + position[:, 1]) * width + position[:, 0]
     index = corner[:, None] + window
     count = len(position)
@@ -55,9 +55,9 @@ def field_of_view(
 
 
 def _goal_mark(offset: IntArray) -> IntArray:
-    """``[R, 2]`` offset of the mark for goals at ``offset``: the goal if in view, else its projection on the ring."""
+    """``[R, 2]`` offsets of the marks for goals at ``offset``: a goal in view, or its projection on the ring."""
     distance = np.abs(offset).max(axis=1, keepdims=True)
     far = distance > RADIUS
-    # Rounded half away from zero, in integers: rotating or mirroring the world does the same to the mark.
+    # Rounded half away from zero, in integers, so that rotating or mirroring the world rotates or mirrors the mark.
     scaled = (2 * CENTRE * np.abs(offset) + distance) // np.maximum(2 * distance, 1)
     return np.where(far, np.sign(offset) * scaled, offset)

@@ -1,4 +1,4 @@
-"""Cells, motion primitives and the one place where cells ``(x, y)`` meet arrays ``[y, x]``."""
+"""Cells and motion primitives. Only this module converts between cells ``(x, y)`` and array indices ``[y, x]``."""
 
 from enum import IntEnum
 
@@ -19,12 +19,12 @@ class Primitive(IntEnum):
     RIGHT = 4
 
 
-#: ``[5, 2]`` change of ``(x, y)`` that each primitive makes, in cells; x to the right, y up.
+#: ``[5, 2]`` change of ``(x, y)`` by each primitive, cells; x to the right, y up.
 DELTAS: IntArray = np.array([[0, 0], [0, 1], [0, -1], [-1, 0], [1, 0]], dtype=np.int64)
 
 
 def at(array: npt.NDArray, cells: npt.ArrayLike) -> npt.NDArray:
-    """Values of ``array`` at ``cells``.
+    """The values of ``array`` at ``cells``.
 
     Args:
         array: ``[H, W]``, indexed ``[y, x]``.
@@ -38,7 +38,7 @@ def at(array: npt.NDArray, cells: npt.ArrayLike) -> npt.NDArray:
 
 
 def inside(shape: tuple[int, int], cells: npt.ArrayLike) -> BoolArray:
-    """Which of ``cells`` (``[..., 2]``, ``(x, y)``) lie in an array of ``shape`` ``(H, W)``; ``[...]`` bool."""
+    """Whether each of ``cells`` (``[..., 2]``, ``(x, y)``) lies in an array of ``shape`` ``(H, W)``; ``[...]`` bool."""
     cells = np.asarray(cells)
     height, width = shape
     x, y = cells[..., 0], cells[..., 1]
@@ -46,11 +46,11 @@ def inside(shape: tuple[int, int], cells: npt.ArrayLike) -> BoolArray:
 
 
 def primitives_between(before: npt.ArrayLike, after: npt.ArrayLike) -> IntArray:
-    """Primitives that lead from cells to cells.
+    """The primitives that lead from some cells to others.
 
     Args:
         before: ``[..., 2]`` cells.
-        after: ``[..., 2]`` cells, each equal to or next to its cell in ``before``.
+        after: ``[..., 2]`` cells, each equal or adjacent to its cell in ``before``.
 
     Returns:
         ``[...]`` int64.
@@ -62,7 +62,7 @@ def primitives_between(before: npt.ArrayLike, after: npt.ArrayLike) -> IntArray:
     if (np.abs(step).sum(axis=-1) > 1).any():
         bad = step[np.abs(step).sum(axis=-1) > 1][0]
         raise ValueError(
-            f"a step of {tuple(int(v) for v in bad)} cells is no motion primitive: paths move one cell at a time"
+            f"a step of {tuple(int(v) for v in bad)} cells is not a motion primitive: move at most one cell at a time"
         )
     dx, dy = step[..., 0], step[..., 1]
     up_down = np.where(dy > 0, Primitive.UP, Primitive.DOWN)

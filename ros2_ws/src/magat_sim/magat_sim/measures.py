@@ -16,7 +16,7 @@ Z_95 = 1.959964
 
 @dataclass(frozen=True)
 class Flowtime:
-    """Steps until the goals, summed over robots: FT."""
+    """Flowtime FT: steps until the goals, summed over robots."""
 
     #: By the first visit of each robot (for alpha).
     first_visit: int
@@ -26,10 +26,11 @@ class Flowtime:
 
 @dataclass(frozen=True)
 class EpisodeMeasures:
-    """What one episode came to. Steps are ticks of the simulation."""
+    """The measures of one episode. Steps are ticks of the simulation."""
 
     success: bool
     success_strict: bool
+    #: Share of robots that reached their goals.
     p_rg: float
     #: Robots that never reached their goals.
     stranded: int
@@ -62,12 +63,12 @@ def expert_flowtime(paths: npt.ArrayLike, goals: IntArray) -> Flowtime:
 def walk_measures(
     on_goal: BoolArray, t_max: int, moves_blocked: int, expert_flowtime: Flowtime | None
 ) -> EpisodeMeasures:
-    """The measures of an episode that was watched.
+    """The measures of an episode from the robots' positions.
 
     Args:
-        on_goal: ``[T + 1, N]`` who stood on its goal, at the start and after each step.
-        t_max: steps that the episode could take.
-        moves_blocked: moves that robots drew and the shield did not let them make.
+        on_goal: ``[T + 1, N]`` bool, which robots stood on their goals at the start and after each step.
+        t_max: T_max, steps.
+        moves_blocked: moves that robots sampled and the shield did not let them make.
         expert_flowtime: FT*; None without an expert's solution.
     """
     first = np.where(on_goal.any(axis=0), first_visits(on_goal), -1)
@@ -88,12 +89,12 @@ def episode_measures(
     """The measures of an episode.
 
     Args:
-        first: ``[N]`` steps until each robot's first visit to its goal; -1 for one that never came there.
-        last: ``[N]`` steps until its last arrival; -1 for one that is not there at the end.
-        strict: all robots stood on their goals at one instant.
-        t_max: steps that the episode could take.
+        first: ``[N]`` steps until each robot's first visit to its goal; -1 if it never visited it.
+        last: ``[N]`` steps until its last arrival; -1 if it is not there at the end.
+        strict: whether all robots stood on their goals at one instant.
+        t_max: T_max, steps.
         ticks: steps that it took.
-        moves_blocked: moves that robots drew and the shield did not let them make.
+        moves_blocked: moves that robots sampled and the shield did not let them make.
         expert_flowtime: FT*; None without an expert's solution.
     """
     success = bool((first >= 0).all())
@@ -112,24 +113,24 @@ def episode_measures(
 
 
 def first_visits(on_goal: BoolArray) -> IntArray:
-    """``[N]`` first step at which each robot is on its goal; ``on_goal`` is ``[T + 1, N]``, each robot there once."""
+    """``[N]`` first step of each robot on its goal. ``on_goal`` is ``[T + 1, N]``; each robot visits it."""
     return on_goal.argmax(axis=0)
 
 
 def last_arrivals(on_goal: BoolArray) -> IntArray:
-    """``[N]`` step from which on each robot is on its goal to the end; T + 1 for one that is not there at the end."""
+    """``[N]`` step from which each robot stays on its goal to the end; T + 1 if it is not there at the end."""
     away = ~on_goal[::-1]
     return np.where(away.any(axis=0), len(on_goal) - away.argmax(axis=0), 0)
 
 
 def wilson(successes: int, cases: int, z: float = Z_95) -> tuple[float, float]:
-    """The 95 % score interval of a rate (Wilson, JASA 1927).
+    """The score interval of a rate (Wilson, JASA 1927); 95 % with the default ``z``.
 
     Raises:
         ValueError: no cases, or more successes than cases.
     """
     if not 0 <= successes <= cases or cases == 0:
-        raise ValueError(f"{successes} successes of {cases} cases make no rate")
+        raise ValueError(f"{successes} successes of {cases} cases are not a rate")
     rate = successes / cases
     centre = rate + z * z / (2 * cases)
     half = z * math.sqrt(rate * (1 - rate) / cases + z * z / (4 * cases * cases))
@@ -151,7 +152,7 @@ class SetMeasures:
     #: Half width of the 95 % interval of the mean delta_ft (normal approximation).
     delta_ft_half_width: float
     p_rg: float
-    #: Cases by how many robots never reached their goals, e.g. 47 by 0 and 3 by 2.
+    #: Number of cases by the number of robots that never reached their goals, e.g. ``{0: 47, 2: 3}``.
     stranded: Mapping[int, int]
     makespan: float
     moves_blocked: float
@@ -182,5 +183,5 @@ def summarise(episodes: Sequence[EpisodeMeasures]) -> SetMeasures:
 def _increase(flowtime: int, best: int | None) -> float:
     if best is None:
         return math.nan
-    # Every robot starts on its goal: nothing to lose against.
+    # FT* is 0 if every robot starts on its goal.
     return (flowtime - best) / best if best > 0 else float(flowtime > 0)

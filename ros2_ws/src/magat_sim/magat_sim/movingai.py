@@ -2,7 +2,7 @@
 
 Sturtevant: "Benchmarks for Grid-Based Pathfinding" (TCIAIG 2012), and Stern et al.: "Multi-Agent Pathfinding:
 Definitions, Variants, and Benchmarks" (SoCS 2019). In the files y points down from the top left cell; here it points up
-from the bottom left one. This module is the only place that turns it round: `y = height - 1 - y of the file`, and the
+from the bottom left one. Only this module converts: `y = height - 1 - y of the file`, and the
 last line of a map is `y = 0`.
 """
 
@@ -36,7 +36,7 @@ def read_map(path: Path) -> BoolArray:
         `T` and `W`.
 
     Raises:
-        MovingAIError: the file is no map; the message says in which line and why.
+        MovingAIError: the file is not a map; the message says in which line and why.
         OSError: the file cannot be read.
     """
     lines = _lines(path)
@@ -51,11 +51,11 @@ def read_map(path: Path) -> BoolArray:
         elif word in sizes:
             sizes[word] = _whole(path, number, value.strip(), word, 1)
         else:
-            raise MovingAIError(f"{path}:{number}: {line!r} is no line of a map's head: type, height, width, map")
+            raise MovingAIError(f"{path}:{number}: {line!r} is not a line of a map's header: type, height, width, map")
     else:
-        raise MovingAIError(f"{path}: there is no line 'map', after which the rows begin")
+        raise MovingAIError(f"{path}: there is no line 'map' before the rows")
     if not kind or 0 in sizes.values():
-        raise MovingAIError(f"{path}:{number}: the head lacks type, height or width before 'map'")
+        raise MovingAIError(f"{path}:{number}: the header lacks type, height or width before 'map'")
     return _rows(path, lines, sizes["width"], sizes["height"])
 
 
@@ -63,16 +63,16 @@ def _rows(path: Path, lines: Iterator[tuple[int, str]], width: int, height: int)
     rows = []
     for number, line in lines:
         if len(line) != width:
-            raise MovingAIError(f"{path}:{number}: the row has {len(line)} cells, and the map's width is {width}")
+            raise MovingAIError(f"{path}:{number}: the row has {len(line)} cells, but the map's width is {width}")
         strange = next((i for i, cell in enumerate(line) if cell not in _FREE + _BLOCKED), None)
         if strange is not None:
             raise MovingAIError(
-                f"{path}:{number}: {line[strange]!r} in column {strange + 1} is no terrain: {_FREE} are free, "
+                f"{path}:{number}: {line[strange]!r} in column {strange + 1} is not a terrain: {_FREE} are free, "
                 f"{_BLOCKED} are blocked"
             )
         rows.append([cell in _BLOCKED for cell in line])
     if len(rows) != height:
-        raise MovingAIError(f"{path}: there are {len(rows)} rows, and the map's height is {height}")
+        raise MovingAIError(f"{path}: there are {len(rows)} rows, but the map's height is {height}")
     return np.array(rows[::-1], dtype=bool)
 
 
@@ -88,13 +88,13 @@ def read_case(map_path: Path, scenario_path: Path, robots: int | None = None) ->
     """A case of a `.map` file and the first lines of a `.scen` file, one a robot.
 
     Args:
-        map_path: the map. The name of it in the scenario is not looked at: it is that of a folder we do not know.
-        scenario_path: the starts and goals. Buckets and lengths are not looked at.
-        robots: how many lines to take; all if None.
+        map_path: the map. The map's name in the scenario is ignored, because it is relative to an unknown folder.
+        scenario_path: the starts and goals. Buckets and lengths are ignored.
+        robots: the number of lines to read; all if None.
 
     Raises:
-        MovingAIError: a file is not what it should be, has too few lines, or a goal cannot be reached from its start;
-            the message says where and why.
+        MovingAIError: a file is malformed or has too few lines, or a goal cannot be reached from its start; the
+            message says where and why.
         OSError: a file cannot be read.
     """
     obstacles = read_map(map_path)
@@ -109,7 +109,7 @@ def read_case(map_path: Path, scenario_path: Path, robots: int | None = None) ->
             break
         cells.append(_robot(scenario_path, number, line, obstacles, seen))
     if not cells or len(cells) < (robots or 0):
-        raise MovingAIError(f"{scenario_path}: there are {len(cells)} robots in it, and {robots or 1} are asked for")
+        raise MovingAIError(f"{scenario_path}: it has {len(cells)} robots, but {robots or 1} are needed")
     table = np.array(cells)
     try:
         return make_case(obstacles, table[:, :2], table[:, 2:])
@@ -131,7 +131,7 @@ def _robot(
     )
     if (height, width) != obstacles.shape:
         raise MovingAIError(
-            f"{path}:{number}: the scenario is for {width}x{height} cells, and the map has "
+            f"{path}:{number}: the scenario is for {width}x{height} cells, but the map has "
             f"{obstacles.shape[1]}x{obstacles.shape[0]}"
         )
     for name, (x, y) in (("start", cells[:2]), ("goal", cells[2:])):
@@ -142,12 +142,12 @@ def _robot(
             raise MovingAIError(f"{where} is an obstacle")
         other = seen.setdefault((name, x, y), number)
         if other != number:
-            raise MovingAIError(f"{where} is that of line {other}, too: {name}s must differ")
+            raise MovingAIError(f"{where} is also that of line {other}: {name}s must differ")
     return cells[0], height - 1 - cells[1], cells[2], height - 1 - cells[3]
 
 
 def write_case(case: Case, map_path: Path, scenario_path: Path) -> None:
-    """Write ``case`` as a `.map` and a `.scen` file that names it.
+    """Write ``case`` as a `.map` file and a `.scen` file that refers to it.
 
     The lengths in the scenario are those of shortest paths with moves along the axes, in cells.
     """
@@ -161,7 +161,7 @@ def write_case(case: Case, map_path: Path, scenario_path: Path) -> None:
 
 
 def _lengths(case: Case) -> list[int]:
-    """Steps of each robot's shortest path, the others ignored."""
+    """Length of each robot's shortest path, other robots ignored."""
     height, width = case.obstacles.shape
     free = ~case.obstacles
     cells = np.arange(height * width).reshape(height, width)
@@ -177,7 +177,7 @@ def _lengths(case: Case) -> list[int]:
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
-    """The lines of a file that are not blank, with their numbers from 1."""
+    """The non-blank lines of a file, with their numbers from 1."""
     for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
         if line.strip():
             yield number, line.strip("\r\n ")
@@ -185,5 +185,5 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
 
 def _whole(path: Path, number: int, text: str, name: str, at_least: int = 0) -> int:
     if not text.isdecimal() or int(text) < at_least:
-        raise MovingAIError(f"{path}:{number}: {name} is {text!r}: a whole number from {at_least} is needed")
+        raise MovingAIError(f"{path}:{number}: {name} is {text!r}: give a whole number of at least {at_least}")
     return int(text)

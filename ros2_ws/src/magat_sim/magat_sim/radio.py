@@ -1,4 +1,4 @@
-"""Who hears whom: the communication graph of one instant (MAGAT paper, Sec. III)."""
+"""The communication graph at one instant (MAGAT paper, Sec. III)."""
 
 import numpy as np
 import numpy.typing as npt
@@ -9,7 +9,8 @@ from magat_sim.grid import IntArray
 
 #: Communication radius r_comm in cells: Euclidean, inclusive, not blocked by obstacles.
 COMMUNICATION_RADIUS = 7.0
-#: Makes one seed of a link's two ends; odd, so that none is lost, and not 1, so that either direction has its own.
+#: Combines the seeds of a link's two ends into one. It is odd, so that no bits are lost, and not 1, so that the two
+#: directions of a link differ.
 _RECEIVER = np.uint64(0xD1342543DE82EF95)
 
 
@@ -22,13 +23,13 @@ def neighbours(world: IntArray, position: IntArray, radius: float = COMMUNICATIO
         radius: cells, inclusive.
 
     Returns:
-        ``[R, M]`` int64, row i the indices of the robots that i hears, ascending, filled up with -1 to the largest
+        ``[R, M]`` int64. Row i holds the indices of the robots that i hears, ascending, padded with -1 to the largest
         neighbourhood M (possibly 0). No robot hears itself.
     """
     count = len(position)
     span = float(np.abs(position).max(initial=0)) + radius + 1
     apart = position.astype(np.float64)
-    apart[:, 0] += world * 2 * span  # worlds side by side, out of each other's reach
+    apart[:, 0] += world * 2 * span  # the worlds side by side, out of each other's range
     pairs = cKDTree(apart).query_pairs(radius, output_type="ndarray").astype(np.int64)
     receiver = np.concatenate([pairs[:, 0], pairs[:, 1]])
     sender = np.concatenate([pairs[:, 1], pairs[:, 0]])
@@ -37,19 +38,18 @@ def neighbours(world: IntArray, position: IntArray, radius: float = COMMUNICATIO
 
 
 def without_lost(heard: IntArray, streams: npt.NDArray[np.uint64], tick: int, loss: float) -> IntArray:
-    """Neighbourhoods less the links that are lost in one tick, each direction of a link by itself.
+    """Neighbourhoods without the links that are lost in one tick; the directions of a link are drawn separately.
 
-    Whether a link is lost follows from the seeds of its two ends and the tick alone (see `sampling.uniform`), whoever
-    else is there.
+    Whether a link is lost depends only on the seeds of its two ends and on the tick (see `sampling.uniform`).
 
     Args:
-        heard: ``[R, M]`` as of `neighbours`.
-        streams: ``[R]`` uint64 seeds of the robots' own streams.
+        heard: ``[R, M]`` int64 as returned by `neighbours`.
+        streams: ``[R]`` uint64 seeds of the robots' random streams.
         tick: from 0.
         loss: share of the links that are lost, from 0 (none) to 1 (all).
 
     Returns:
-        ``[R, M']``, in the form of ``heard``.
+        ``[R, M']`` int64, in the form of ``heard``.
     """
     receiver, place = np.nonzero(heard >= 0)
     sender = heard[receiver, place]
@@ -58,7 +58,7 @@ def without_lost(heard: IntArray, streams: npt.NDArray[np.uint64], tick: int, lo
 
 
 def _rows(receiver: IntArray, sender: IntArray, count: int) -> IntArray:
-    """Links (``[E]`` each, by receiver, then by sender) as neighbourhoods of ``count`` robots, see `neighbours`."""
+    """Neighbourhoods of ``count`` robots, see `neighbours`, from links (``[E]``, sorted by receiver, then sender)."""
     degree = np.bincount(receiver, minlength=count)
     rank = np.arange(len(receiver)) - np.repeat(np.cumsum(degree) - degree, degree)
     heard = np.full((count, int(degree.max(initial=0))), -1, dtype=np.int64)

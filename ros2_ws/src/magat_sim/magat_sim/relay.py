@@ -1,4 +1,4 @@
-"""The simulator as the radio's medium: what robots send in a round, handed to each that is in range. Free of ROS."""
+"""The relayed radio: the messages of a round, passed on to the robots in range. Free of ROS."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -8,7 +8,7 @@ import numpy as np
 
 
 class Bundle(NamedTuple):
-    """What one robot hears in one round."""
+    """The messages that one robot hears in one round."""
 
     #: How the payloads are encoded.
     encoding: int
@@ -17,15 +17,15 @@ class Bundle(NamedTuple):
 
 
 class Relay:
-    """One tick's messages, round by round."""
+    """The messages of one tick, round by round."""
 
     def __init__(self, tags: Sequence[int], hears: Sequence[Sequence[int]], present: Sequence[bool]) -> None:
         """Begin a tick.
 
         Args:
-            tags: ``[N]`` what each robot sends under.
-            hears: for each of the N robots, the numbers of the robots that it hears.
-            present: ``[N]`` whose messages are waited for.
+            tags: ``[N]`` the tag of each robot's messages.
+            hears: for each of the N robots, the indices of the robots that it hears.
+            present: ``[N]`` robots whose messages complete a round.
         """
         self.round = 0
         self._robot_of = {tag: robot for robot, tag in enumerate(tags)}
@@ -34,7 +34,7 @@ class Relay:
         self._sent: dict[int, tuple[int, bytes]] = {}
 
     def receive(self, number: int, tag: int, encoding: int, payload: bytes) -> str | None:
-        """Take the message of round ``number`` sent under ``tag``; None, or why it was dropped."""
+        """Take the message of round ``number`` sent under ``tag``; returns None, or why it was dropped."""
         robot = self._robot_of.get(tag)
         if robot is None:
             return "a message under a tag that was not given out in this tick"
@@ -47,14 +47,14 @@ class Relay:
 
     @property
     def complete(self) -> bool:
-        """Everybody's message of the round is there."""
+        """Whether the messages of all present robots have come in this round."""
         return self._expected <= self._sent.keys()
 
     def bundles(self, shuffle: np.random.Generator) -> list[Bundle]:
-        """End the round: for each of the N robots what it hears, in random order.
+        """End the round: the messages that each of the N robots hears, in random order.
 
-        Payloads of another encoding or size than most have are left out: a bundle has one of each, and they would be of
-        no use anyway.
+        A bundle has one encoding and one payload size. Payloads that differ from the majority are left out; the robots
+        could not use them.
         """
         kinds = Counter((encoding, len(payload)) for encoding, payload in self._sent.values())
         common = max(kinds, key=kinds.__getitem__, default=(0, 0))

@@ -1,4 +1,4 @@
-"""Whole episodes in one process: the batched simulator with any way to decide."""
+"""Whole episodes in one process: the batched simulator with any decision function."""
 
 from collections.abc import Callable
 
@@ -8,7 +8,7 @@ import numpy.typing as npt
 from magat_sim.grid import IntArray
 from magat_sim.simulator import Actions, Observation, Simulator
 
-#: What R robots want to do, or just the primitives they drew (``[R]``), for an observation of them.
+#: Returns the actions of R robots for an observation of them, or only their primitives (``[R]``).
 Decide = Callable[[Observation], npt.ArrayLike | Actions]
 
 
@@ -21,7 +21,7 @@ def run(simulator: Simulator, decide: Decide, on_step: Callable[[Simulator], Non
 
 
 def run_recorded(simulator: Simulator, decide: Decide) -> IntArray:
-    """As `run`, for one world; returns the paths, ``[ticks + 1, N, 2]`` cells ``(x, y)``."""
+    """Like `run`, for one world; returns the paths, ``[ticks + 1, N, 2]`` int64 cells ``(x, y)``."""
     paths = [simulator.position.copy()]
     run(simulator, decide, lambda after: paths.append(after.position.copy()))
     return np.stack(paths)

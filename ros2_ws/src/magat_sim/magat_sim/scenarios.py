@@ -1,4 +1,4 @@
-"""Cases out of MovingAI's files, for evaluations and teams."""
+"""Cases from MovingAI's files, for evaluations and teams."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from magat_sim.movingai import read_case
 
 @dataclass(frozen=True)
 class Scenarios:
-    """Cases on one map, one of each ``.scen`` file."""
+    """Cases on one map, one from each ``.scen`` file."""
 
     map: Path
     files: tuple[Path, ...]
@@ -21,8 +21,8 @@ class Scenarios:
         """The cases of the first ``robots`` lines of each file.
 
         Raises:
-            InvalidCaseError: there is no map or no file, one cannot be read or is not what it should be, or a case is
-                no case; the message says which and why.
+            InvalidCaseError: a map or file is missing, cannot be read or is malformed, or a case is invalid; the
+                message says which and why.
         """
         if map_path is None or not files:
             raise InvalidCaseError("--map and --scen belong together: give a .map file and one or more .scen files")
@@ -34,7 +34,7 @@ class Scenarios:
 
     @property
     def size(self) -> dict[str, float]:
-        """Width, height, robots and share of obstacle cells, as reports have them."""
+        """Width, height, number of robots and share of obstacle cells, with the keys of reports."""
         height, width = self.cases[0].obstacles.shape
         density = float(self.cases[0].obstacles.mean())
         return {"width": width, "height": height, "robots": self.cases[0].robots, "density": density}

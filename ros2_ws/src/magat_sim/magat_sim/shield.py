@@ -1,4 +1,4 @@
-"""Collision shielding: turns what robots want into moves that never collide."""
+"""Collision shielding: turns the actions of robots into moves that never collide."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -8,96 +8,97 @@ import numpy.typing as npt
 
 from magat_sim.grid import BoolArray, IntArray, Primitive
 
-NOBODY = -1
-#: How far back a shield with memory knows where a robot was, steps: long enough to fill pockets that open late.
+#: In place of a robot's index where there is none.
+NO_ROBOT = -1
+#: Memory of ``pibt-memory``, steps: long enough to leave large pockets.
 MEMORY = 256
-#: What each return takes from the logarithm of a probability.
+#: Subtracted from the log-probability of a primitive for each earlier visit of the cell that it leads to.
 RETURN_PENALTY = 2.0
-#: Instead of a place in a robot's past.
-NOWHERE = -1
-# Instead of places where no robot may be.
+#: In place of a cell in a robot's trail.
+NO_CELL = -1
+# In place of cells that no robot may enter.
 _WALL = -1
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Where R robots are, where they could go, and what they want.
+    """The state from which a shield decides: positions and actions of R robots.
 
-    Places are cells, numbered through all worlds: those of separate worlds are separate places.
+    Cells are numbered across all worlds, so that cells of different worlds differ.
     """
 
-    #: ``[R]`` where each robot is.
+    #: ``[R]`` the cell of each robot.
     place: IntArray
-    #: ``[R, 5]`` where each primitive leads.
+    #: ``[R, 5]`` the cell that each primitive leads to.
     leads: IntArray
-    #: ``[R, 5]`` bool, no obstacle is there.
+    #: ``[R, 5]`` bool, whether that cell is free of obstacles.
     free: BoolArray
-    #: ``[R, 5]`` the robot that is there now, or `NOBODY`; the robot itself for IDLE.
+    #: ``[R, 5]`` the robot that is in that cell now, or `NO_ROBOT`; the robot itself for IDLE.
     ahead: IntArray
-    #: ``[R]`` the primitive each robot drew; IDLE where it was silent.
+    #: ``[R]`` the action that each robot sampled; IDLE for silent robots.
     actions: IntArray
-    #: ``[R, 5]`` how much each likes the primitives: logarithms of probabilities, or whatever it sent.
+    #: ``[R, 5]`` float32, the log-probabilities that each robot sent; not checked.
     log_probabilities: npt.NDArray[np.float32]
-    #: ``[R]`` bool, who said nothing: it stays where it is.
+    #: ``[R]`` bool, robots that sent no preference; they stay where they are.
     silent: BoolArray
-    #: ``[R]`` steps since each was on its goal, or since the start.
+    #: ``[R]`` steps since each robot was on its goal, or since the start.
     waited: IntArray
-    #: ``[R, MEMORY]`` where each was at the last instants, now included, in any order; `NOWHERE` until it was last on
-    #: its goal, or before the start.
+    #: ``[R, MEMORY]`` the cells of each robot at the last instants, including now, in any order; `NO_CELL` for instants
+    #: before it was last on its goal, or before the start.
     trail: IntArray
-    #: ``[R]`` random numbers of the episode, all different within a world.
+    #: ``[R]`` random numbers, all different within a world; they resolve ties.
     draw: npt.NDArray[np.float64]
 
     @property
     def returns(self) -> IntArray:
-        """``[R, 5]`` at how many instants of its trail, but the first, each was where each primitive leads."""
+        """``[R, 5]`` how often each robot was in the cell that each primitive leads to, the first time not counted."""
         return np.maximum((self.trail[:, None] == self.leads[:, :, None]).sum(axis=2) - 1, 0)
 
 
-#: ``[R]`` the primitives that the robots of a scene make, none of which leads to a collision.
+#: Returns the primitives (``[R]`` int64) that the robots of a scene make. None leads to a collision.
 Shield = Callable[[Scene], IntArray]
 
 
 def idle_shield(scene: Scene) -> IntArray:
-    """The paper's shield: an illegal move becomes IDLE, and what that makes illegal in turn becomes IDLE too.
+    """The paper's shield: illegal moves become IDLE, as do moves that become illegal thereby.
 
-    Two robots that would swap cells both idle. Of several that want one cell that is or becomes free, the one with the
-    lowest draw moves. Following a robot into the cell that it leaves is allowed, and so are rotations of three or more.
+    Two robots that would swap cells both idle. If several robots move to one cell that is or becomes free, the one with
+    the lowest draw moves. A robot may follow another into the cell that it leaves, also in rotations of three or more.
     """
     robots = np.arange(len(scene.actions))
     target, ahead = scene.leads[robots, scene.actions], scene.ahead[robots, scene.actions]
     moves = (scene.actions != Primitive.IDLE) & scene.free[robots, scene.actions]
     other = np.maximum(ahead, 0)
-    moves &= ~(moves & (ahead != NOBODY) & moves[other] & (target[other] == scene.place))
+    moves &= ~(moves & (ahead != NO_ROBOT) & moves[other] & (target[other] == scene.place))
     by_draw = robots[moves][np.argsort(scene.draw[moves])]
     winners = by_draw[np.unique(target[by_draw], return_index=True)[1]]
     moves = np.zeros(len(robots), dtype=bool)
     moves[winners] = True
     while True:
-        blocked = moves & (ahead != NOBODY) & ~moves[other]
+        blocked = moves & (ahead != NO_ROBOT) & ~moves[other]
         if not blocked.any():
             return np.where(moves, scene.actions, Primitive.IDLE)
         moves &= ~blocked
 
 
 def pibt_shield(scene: Scene) -> IntArray:
-    """Priority inheritance with backtracking, each robot after its own ranking of the primitives (see `ranking`).
+    """Priority inheritance with backtracking, with each robot's own ranking of the primitives (see `ranking`).
 
-    Who has been away from its goal for longest chooses first; among equals, the lowest draw. A robot that stands in the
-    way of one that has chosen inherits its priority and chooses next; when it finds no way, the first one has to choose
-    again. A silent robot is a wall. (Okumura et al.: Priority inheritance with backtracking, AIJ 2022; with learned
-    policies: Veerapaneni et al., 2024, whose CS-PIBT ranks likewise.)
+    The robot that has been away from its goal longest has the highest priority; ties are resolved by the lowest draw.
+    A robot in the target cell of another inherits its priority and chooses next. If it finds no cell, the other robot
+    takes the next primitive of its ranking. A silent robot is an obstacle. (Okumura et al.: Priority inheritance with
+    backtracking, AIJ 2022. For learned policies: Veerapaneni et al., 2024, whose CS-PIBT ranks in the same way.)
     """
     return _pibt(scene, ranking(scene.actions, scene.log_probabilities))
 
 
 def pibt_memory_shield(scene: Scene) -> IntArray:
-    """As `pibt_shield`, but robots that come back to where they were go elsewhere.
+    """Like `pibt_shield`, but primitives that lead back to earlier cells are ranked lower.
 
-    A policy that knows no more than it sees goes to and fro in a pocket of obstacles that is wider than that, until the
+    A policy without memory may oscillate in a pocket of obstacles that is wider than its field of view until the
     episode ends. (Korf's real-time search, AIJ 1990, leaves such pockets in the same way.)
     """
-    returns = np.where(scene.silent[:, None], 0, scene.returns)  # a wall stays where it is
+    returns = np.where(scene.silent[:, None], 0, scene.returns)  # silent robots do not move
     return _pibt(scene, ranking(scene.actions, scene.log_probabilities, returns))
 
 
@@ -114,56 +115,59 @@ def _pibt(scene: Scene, ranked: IntArray) -> IntArray:
     ]
     place = scene.place.tolist()
     made = [int(Primitive.IDLE)] * len(place)
-    goes: dict[int, int] = {}  # place that each robot goes to
+    goes: dict[int, int] = {}  # the cell that each robot goes to
     taken = {_WALL}
     for first in order.tolist():
         if first in goes:
             continue
-        # Each robot in the chain has chosen the place of the next one.
+        # Each robot in the chain has chosen the cell of the next one.
         chain = [(first, iter(choices[first]))]
         while chain:
             robot, left = chain[-1]
             for to, ahead, primitive in left:
-                if to in taken or (ahead != NOBODY and goes.get(ahead) == place[robot]):
+                if to in taken or (ahead != NO_ROBOT and goes.get(ahead) == place[robot]):
                     continue
                 goes[robot], made[robot] = to, primitive
                 taken.add(to)
-                if ahead == NOBODY or ahead in goes:
-                    chain.clear()  # nobody is in the way of the last one, so all can go
+                if ahead == NO_ROBOT or ahead in goes:
+                    chain.clear()  # the last robot's cell is free, so all can go
                 else:
                     chain.append((ahead, iter(choices[ahead])))
                 break
             else:
-                # It stays, in the place that the one before it had chosen.
+                # It stays, in the cell that the robot before it has chosen.
                 goes[robot], made[robot] = place[robot], int(Primitive.IDLE)
                 chain.pop()
     return np.array(made, dtype=np.int64)
 
 
 def ranking(actions: IntArray, log_probabilities: npt.ArrayLike, returns: npt.ArrayLike = 0) -> IntArray:
-    """In which order robots would like to make the primitives.
+    """Each robot's ranking of the primitives.
 
-    The primitive drawn comes first, unless it is a return, so that a robot that nobody hinders makes what it drew, as
-    under any shield. The others follow by falling probability, less `RETURN_PENALTY` for each return; equal ones in the
-    order of the primitives. What is no number counts as the least.
+    The sampled action comes first, unless it is a return, so that a robot without conflicts makes its action, as with
+    any shield. The others follow by decreasing log-probability minus `RETURN_PENALTY` for each return; ties are
+    resolved in the order of the primitives. NaN ranks last.
 
     Args:
-        actions: ``[R]`` the primitives drawn.
+        actions: ``[R]`` the sampled actions.
         log_probabilities: ``[R, 5]``, any numbers.
-        returns: ``[R, 5]`` as in `Scene`, or 0: none counts.
+        returns: ``[R, 5]`` as in `Scene`; 0: none.
 
     Returns:
-        ``[R, 5]``, each row all primitives.
+        ``[R, 5]`` int64, a permutation of the primitives in each row.
     """
-    liking = np.nan_to_num(np.asarray(log_probabilities, dtype=np.float64), nan=-np.inf, posinf=np.inf, neginf=-np.inf)
-    counted = np.broadcast_to(returns, liking.shape)
-    first = (np.arange(liking.shape[1]) == actions[:, None]) & (counted == 0)
-    return np.lexsort((RETURN_PENALTY * counted - liking, ~first), axis=1)
+    scores = np.nan_to_num(np.asarray(log_probabilities, dtype=np.float64), nan=-np.inf, posinf=np.inf, neginf=-np.inf)
+    counted = np.broadcast_to(returns, scores.shape)
+    first = (np.arange(scores.shape[1]) == actions[:, None]) & (counted == 0)
+    return np.lexsort((RETURN_PENALTY * counted - scores, ~first), axis=1)
 
 
 def blocked(actions: IntArray, moved: IntArray) -> BoolArray:
-    """Who drew a move and did not make it; arrays of any one shape."""
+    """Which robots sampled a move and did not make it; bool, of the shape of both arrays."""
     return (actions != Primitive.IDLE) & (actions != moved)
 
 
 SHIELDS: Mapping[str, Shield] = {"idle": idle_shield, "pibt": pibt_shield, "pibt-memory": pibt_memory_shield}
+#: Version of each shield. Raise it with every change after which a shield makes other moves: results that were measured
+#: before are then measured again.
+SHIELD_VERSIONS: Mapping[str, int] = {**dict.fromkeys(SHIELDS, 1)}

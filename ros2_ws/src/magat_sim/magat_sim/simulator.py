@@ -1,4 +1,4 @@
-"""The simulator: many worlds in lockstep, or one. The node, training and evaluation all step this class."""
+"""The simulator: one world, or many in lockstep. The simulator node, training and evaluation all step this class."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,13 +11,13 @@ from magat_sim.field_of_view import RADIUS, Uint8Array, field_of_view, pad
 from magat_sim.grid import DELTAS, BoolArray, IntArray, Primitive
 from magat_sim.measures import EpisodeMeasures, Flowtime, episode_measures
 from magat_sim.radio import neighbours, without_lost
-from magat_sim.shield import MEMORY, NOBODY, NOWHERE, SHIELDS, Scene, blocked
+from magat_sim.shield import MEMORY, NO_CELL, NO_ROBOT, SHIELDS, Scene, blocked
 from magat_sim.streams import EpisodeStreams
 
 
 @dataclass(frozen=True)
 class Rules:
-    """What a world does with its robots' wishes and messages.
+    """How a world treats the actions and messages of its robots.
 
     Raises:
         ValueError: a value is out of range.
@@ -41,11 +41,11 @@ DEFAULT_RULES = Rules()
 
 @dataclass(frozen=True)
 class Observation:
-    """What R robots (those of all worlds that still run, world by world) know at one instant."""
+    """What the R active robots know at one instant: those of all worlds that still run, world by world."""
 
     #: ``[R, 3, 11, 11]`` uint8, see `field_of_view`.
     field_of_view: Uint8Array
-    #: ``[R, M]`` rows of this observation that each robot hears, lost links left out, filled up with -1; see `radio`.
+    #: ``[R, M]`` int64, rows of this observation that each robot hears, without lost links; -1 is padding, see `radio`.
     heard: IntArray
     #: ``[R]`` uint64 seeds of the robots' own streams.
     streams: npt.NDArray[np.uint64]
@@ -55,31 +55,31 @@ class Observation:
 
 @dataclass(frozen=True)
 class Actions:
-    """What R robots want to do."""
+    """The actions of R robots."""
 
-    #: ``[R]`` the primitive each robot drew, 0 to 4.
+    #: ``[R]`` the primitive that each robot sampled, 0 to 4.
     primitives: npt.ArrayLike
-    #: ``[R, 5]`` how much each likes the primitives, for the shield ``pibt``; all alike if None.
+    #: ``[R, 5]`` log-probabilities of the primitives, for the shields ``pibt`` and ``pibt-memory``; all equal if None.
     log_probabilities: npt.ArrayLike | None = None
-    #: ``[R]`` bool, who said nothing, and stays where it is; nobody if None.
+    #: ``[R]`` bool, robots that sent no preference, and stay where they are; none if None.
     silent: npt.ArrayLike | None = None
 
 
 @dataclass(frozen=True)
 class Step:
-    """What the shield made of R robots' wishes."""
+    """The moves of R robots after the shield."""
 
     #: ``[R]`` the primitive each robot made.
     moved: IntArray
-    #: ``[R]`` bool, who drew a move and did not make it.
+    #: ``[R]`` bool, robots that sampled a move and did not make it.
     blocked: BoolArray
 
 
 class Simulator:
     """B worlds of any sizes and teams, stepped together until each is done.
 
-    A world is done when all its robots stand on their goals at one instant, or after its T_max steps. Robots never
-    collide, whatever they want. All robots are numbered through, world by world.
+    A world is done when all its robots stand on their goals at one instant, or after its T_max steps. The shield keeps
+    robots from colliding, whatever their actions are. Robots are numbered across all worlds, world by world.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class Simulator:
 
         Args:
             cases: ``[B]``.
-            t_max: ``[B]`` steps at most, each at least 0.
+            t_max: ``[B]`` T_max of each world, steps, at least 0.
             streams: ``[B]`` randomness, see `episode_streams`; its generators are advanced.
             rules: of all worlds.
 
@@ -124,14 +124,14 @@ class Simulator:
         for grid, case in zip(grids, cases, strict=True):
             grid[: case.obstacles.shape[0], : case.obstacles.shape[1]] = case.obstacles
         self._obstacles = pad(grids, 1)
-        self._occupant = np.full(self._obstacles.size, NOBODY, dtype=np.int32)
+        self._occupant = np.full(self._obstacles.size, NO_ROBOT, dtype=np.int32)
         self._occupant[self._cell(self.position)] = np.arange(len(self.world))
 
         on_goal = self.on_goal
         self._first_visit = np.where(on_goal, 0, -1)
-        self._arrival = np.where(on_goal, 0, -1)  # since when on the goal; -1 while away
-        self._last_visit = np.zeros(len(on_goal), dtype=np.int64)  # the start, before any
-        self._trail = np.full((len(on_goal), MEMORY), NOWHERE)
+        self._arrival = np.where(on_goal, 0, -1)  # step since which it is on its goal; -1 while away
+        self._last_visit = np.zeros(len(on_goal), dtype=np.int64)  # 0, the start, before the first visit
+        self._trail = np.full((len(on_goal), MEMORY), NO_CELL)
         self._remember(np.arange(len(on_goal)), on_goal)
         self._blocked = np.zeros(len(cases), dtype=np.int64)
         self._ticks = np.zeros(len(cases), dtype=np.int64)
@@ -140,28 +140,28 @@ class Simulator:
 
     @property
     def on_goal(self) -> BoolArray:
-        """``[all robots]`` bool, who stands on its goal now."""
+        """``[all robots]`` bool, which robots stand on their goals now."""
         return (self.position == self.goal).all(axis=1)
 
     @property
     def visited(self) -> BoolArray:
-        """``[all robots]`` bool, who has stood on its goal."""
+        """``[all robots]`` bool, which robots have stood on their goals."""
         return self._first_visit >= 0
 
     @property
     def active(self) -> IntArray:
-        """``[R]`` the robots of the worlds that still run; observations and steps speak of these, in this order."""
+        """``[R]`` int64, the robots of the worlds that still run; observations and actions have this order."""
         return self._active
 
     @property
     def done(self) -> bool:
-        """Every world is done."""
+        """Whether every world is done."""
         return len(self._active) == 0
 
     def observe(self) -> Observation:
         """What the active robots know now."""
         robots = self._active
-        occupied = (self._occupant != NOBODY).astype(np.uint8).reshape(self._obstacles.shape)
+        occupied = (self._occupant != NO_ROBOT).astype(np.uint8).reshape(self._obstacles.shape)
         world, position = self.world[robots], self.position[robots]
         view = field_of_view(self._obstacles, occupied, world, position, self.goal[robots])
         heard, streams = neighbours(world, position), self._robot_streams[robots]
@@ -173,16 +173,16 @@ class Simulator:
         """Make one step.
 
         Args:
-            actions: of the ``[R]`` active robots, or just the primitives they drew.
+            actions: of the ``[R]`` active robots, or only their primitives (``[R]`` int).
 
         Raises:
-            ValueError: wrong shape, or no primitive.
+            ValueError: a wrong shape, or a value that is not a primitive.
         """
         robots = self._active
         scene = self._scene(actions if isinstance(actions, Actions) else Actions(actions))
         moved = SHIELDS[self.rules.shield](scene)
         moves = moved != Primitive.IDLE
-        self._occupant[scene.place[moves]] = NOBODY
+        self._occupant[scene.place[moves]] = NO_ROBOT
         self._occupant[scene.leads[moves, moved[moves]]] = robots[moves]
         self.position[robots] += DELTAS[moved]
 
@@ -191,20 +191,20 @@ class Simulator:
         self._account(robots)
         return Step(moved, stopped)
 
-    def _scene(self, wishes: Actions) -> Scene:
+    def _scene(self, given: Actions) -> Scene:
         robots, count = self._active, len(DELTAS)
-        actions = np.asarray(wishes.primitives, dtype=np.int64)
+        actions = np.asarray(given.primitives, dtype=np.int64)
         if actions.shape != robots.shape or (actions < 0).any() or (actions >= count).any():
             raise ValueError(f"actions have shape {actions.shape}, values {set(actions.ravel().tolist())}: "
                              f"give {robots.shape} primitives from 0 to {count - 1}")  # fmt: skip
-        liking = np.zeros((len(robots), count), np.float32)
-        if wishes.log_probabilities is not None:
-            liking = np.asarray(wishes.log_probabilities, dtype=np.float32)
-        silent = np.zeros(len(robots), bool) if wishes.silent is None else np.asarray(wishes.silent, dtype=bool)
-        if liking.shape != (len(robots), count) or silent.shape != robots.shape:
+        log_probabilities = np.zeros((len(robots), count), np.float32)
+        if given.log_probabilities is not None:
+            log_probabilities = np.asarray(given.log_probabilities, dtype=np.float32)
+        silent = np.zeros(len(robots), bool) if given.silent is None else np.asarray(given.silent, dtype=bool)
+        if log_probabilities.shape != (len(robots), count) or silent.shape != robots.shape:
             raise ValueError(
-                f"log-probabilities of shape {liking.shape}, silent of shape {silent.shape}: give {count} numbers "
-                f"and one flag for each of {len(robots)} robots"
+                f"log-probabilities of shape {log_probabilities.shape}, silent of shape {silent.shape}: give {count} "
+                f"numbers and one flag for each of {len(robots)} robots"
             )
         draw = np.empty(len(self.world))
         for world in np.unique(self.world[robots]):
@@ -213,7 +213,8 @@ class Simulator:
         width = self._obstacles.shape[2]
         place = self._cell(self.position[robots], self.world[robots])
         leads = place[:, None] + DELTAS[:, 0] + width * DELTAS[:, 1]
-        row = np.full(len(self.world) + 1, NOBODY)  # of each robot among the active; the last one is nobody's
+        # Each robot's row among the active ones; the last entry is that of NO_ROBOT.
+        row = np.full(len(self.world) + 1, NO_ROBOT)
         row[robots] = np.arange(len(robots))
         return Scene(
             place=place,
@@ -221,7 +222,7 @@ class Simulator:
             free=self._obstacles.reshape(-1)[leads] == 0,
             ahead=row[self._occupant[leads]],
             actions=np.where(silent, Primitive.IDLE, actions),
-            log_probabilities=liking,
+            log_probabilities=log_probabilities,
             silent=silent,
             waited=self.tick - self._last_visit[robots],
             trail=self._trail[robots],
@@ -259,7 +260,7 @@ class Simulator:
         self._update_active()
 
     def _remember(self, robots: IntArray, on_goal: BoolArray) -> None:
-        self._trail[robots[on_goal]] = NOWHERE
+        self._trail[robots[on_goal]] = NO_CELL
         away = robots[~on_goal]
         self._trail[away, self.tick % MEMORY] = self._cell(self.position[away], self.world[away])
 

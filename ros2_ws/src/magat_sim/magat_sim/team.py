@@ -1,12 +1,12 @@
-"""Who of the team is there: readiness before an episode, silence and return during one. No ROS; time is passed in."""
+"""Which robots take part: readiness before an episode, absence and return during one. No ROS; time is passed in."""
 
 import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-#: How long an answer to a hello, or a status, counts as fresh, seconds.
+#: How long an answer to a hello, or a status, is valid, seconds.
 FRESH = 1.0
-#: A robot silent for so many ticks in a row is absent: nobody waits for it or hears it until it answers a hello.
+#: A robot that is silent in this many consecutive ticks is absent until it answers a hello.
 SILENT_TICKS = 2
 
 
@@ -16,32 +16,32 @@ class Equipment(NamedTuple):
     digest: str
     encoding: str
     radio: str
-    #: Of messages in a tick.
+    #: Rounds of messages in a tick.
     rounds: int
 
 
 @dataclass
 class Member:
-    """What the simulator knows of one robot."""
+    """What the simulator knows about one robot."""
 
     name: str
     #: Sent with each hello; the robot's answer carries it back.
     nonce: int
-    #: Takes part: it was ready once and has not fallen silent since.
+    #: Whether it takes part: it was ready once and has not become absent since.
     joined: bool = False
     silent_ticks: int = 0
-    #: What it carries, as it last said.
+    #: As in its last status.
     equipment: Equipment | None = None
     _answered: float = field(default=-math.inf, repr=False)
     _status: float = field(default=-math.inf, repr=False)
     _peers_heard: int = 0
 
     def join(self) -> None:
-        """From now on it takes part."""
+        """Let it take part."""
         self.joined, self.silent_ticks = True, 0
 
     def leave(self) -> None:
-        """From now on it does not take part, whatever it answered and reported before."""
+        """Let it not take part, and forget what it answered and reported."""
         self.joined, self._answered, self.equipment = False, -math.inf, None
 
     def answered(self, now: float) -> None:
@@ -49,15 +49,15 @@ class Member:
         self._answered = now
 
     def reported(self, now: float, peers_heard: int, equipment: Equipment) -> None:
-        """Its status came at ``now``: hellos of ``peers_heard`` other robots reach it."""
+        """Its status came at ``now``: it hears ``peers_heard`` other robots."""
         self._status, self._peers_heard, self.equipment = now, peers_heard, equipment
 
     def reachable(self, now: float) -> bool:
-        """Observations reach it and its preferences come back."""
+        """Whether observations reach it and its preferences come back."""
         return now - self._answered < FRESH
 
     def ready(self, now: float, peers: int) -> bool:
-        """Reachable, and it hears at least ``peers`` other robots."""
+        """Whether it is reachable and hears at least ``peers`` other robots."""
         return self.reachable(now) and now - self._status < FRESH and self._peers_heard >= peers
 
 
@@ -70,10 +70,10 @@ class Team:
         Args:
             names: all different.
             nonces: random, and all different.
-            peers: how many others each must hear before it is ready.
+            peers: the number of others that each robot must hear to be ready.
 
         Raises:
-            ValueError: no names, or a name twice.
+            ValueError: there are no names, or a name is repeated.
         """
         if not names or len(set(names)) != len(names):
             raise ValueError(f"the team is {names}: name at least one robot, and none twice")
@@ -81,11 +81,11 @@ class Team:
         self.members = [Member(name, nonce) for name, nonce in zip(names, nonces, strict=True)]
         self.by_name = {member.name: member for member in self.members}
         self.by_nonce = {member.nonce: member for member in self.members}
-        #: What all carried when they had gathered; None before.
+        #: Of all robots when they had gathered; None before.
         self.equipment: Equipment | None = None
 
     def gather(self, now: float) -> list[str]:
-        """Let join who is ready; the names of those still missing."""
+        """Let ready robots join; returns the names of those that are missing."""
         for member in self.members:
             if not member.joined and member.ready(now, self._peers):
                 member.join()
@@ -95,7 +95,7 @@ class Team:
         return missing
 
     def readmit(self, now: float) -> list[str]:
-        """Between two ticks: let absent robots take part again that can be reached and carry what the team carries.
+        """Between two ticks: let absent robots join again that are reachable and have the team's equipment.
 
         Returns:
             Their names.
@@ -107,22 +107,22 @@ class Team:
         return [member.name for member in back]
 
     def strangers(self) -> list[str]:
-        """Robots that carry something else than what the team gathered with: they take no part until they do."""
+        """The names of robots whose equipment differs from the team's; they take no part."""
         return [m.name for m in self.members if m.equipment is not None and m.equipment != self.equipment]
 
     def account(self, spoke: list[bool]) -> list[str]:
-        """After a tick: which robots spoke (``[N]``); the names of those that are absent from now on."""
+        """After a tick in which some robots ``spoke`` (``[N]`` bool): the names of those that become absent."""
         lost = []
         for member, heard in zip(self.members, spoke, strict=True):
             member.silent_ticks = 0 if heard else member.silent_ticks + 1
-            stranger = member.equipment != self.equipment  # started again, with something else
+            stranger = member.equipment != self.equipment  # restarted, with something else
             if member.joined and (member.silent_ticks >= SILENT_TICKS or stranger):
                 member.leave()
                 lost.append(member.name)
         return lost
 
     def mismatch(self, radio: str) -> str | None:
-        """What keeps the robots from understanding each other or the simulator, whose radio is ``radio``; or None."""
+        """Why the robots do not fit each other, or the simulator's ``radio``; None if they do."""
         carried: dict[Equipment, list[str]] = {}
         for member in self.members:
             if member.equipment is not None:

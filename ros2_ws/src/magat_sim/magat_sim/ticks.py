@@ -1,4 +1,4 @@
-"""One episode on a distributed team, tick by tick: one-time tags out, preferences in. Free of ROS."""
+"""One episode on a distributed team, tick by tick: observations with one-time tags, preferences. Free of ROS."""
 
 from dataclasses import dataclass
 
@@ -15,44 +15,49 @@ from magat_sim.streams import EpisodeStreams
 
 @dataclass(frozen=True)
 class RobotObservation:
-    """What is told to one robot at the start of a tick."""
+    """What one robot receives at the start of a tick."""
 
     #: ``[3, 11, 11]`` uint8.
     field_of_view: Uint8Array
+    #: Tag of the messages that it sends in this tick.
     own_tag: int
-    #: Tags of the messages it will hear, shuffled.
+    #: Tags of the messages that it will hear, shuffled.
     audible_tags: list[int]
+    #: Seed of its random stream.
     stream: int
 
 
 @dataclass(frozen=True)
 class ReceivedPreference:
-    """What one robot answered."""
+    """The answer of one robot in a tick."""
 
+    #: The sampled action.
     primitive: int
+    #: Announced messages that it heard.
     heard: int
+    #: Bytes of the Feature messages that it sent.
     feature_bytes: int
-    #: ``[5]`` how much it likes the primitives.
+    #: ``[5]`` log-probabilities of the primitives.
     log_probabilities: npt.ArrayLike = (0.0,) * len(DELTAS)
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a tick came to, for whoever watches."""
+    """The result of a tick, for the World message."""
 
-    #: ``[N]`` the primitives actions; IDLE where silent.
+    #: ``[N]`` int64, the sampled actions; IDLE for silent robots.
     actions: IntArray
     step: Step
-    #: ``[N]`` bool.
+    #: ``[N]`` bool, robots without a preference in time.
     silent: BoolArray
-    #: ``[N]`` messages in range that the robot did not hear, over all rounds; 0 where silent.
+    #: ``[N]`` int64, messages in range that the robot did not hear, over all rounds; 0 for silent robots.
     missing: IntArray
-    #: Directed radio links.
+    #: Directed radio links of the tick.
     links: int
 
 
 class DistributedEpisode:
-    """Runs a `Simulator` of one world by `look`, `answer` and `advance`; counts what the radio did."""
+    """Runs a `Simulator` of one world: `look` begins a tick, `answer` takes preferences, `advance` ends it."""
 
     def __init__(
         self,
@@ -66,14 +71,14 @@ class DistributedEpisode:
         self.robots = case.robots
         self.silent = self.features_missing = self.feature_bytes = self.answers = 0
         self._tags = streams.tags
-        self._wishes: dict[int, ReceivedPreference] = {}
+        self._preferences: dict[int, ReceivedPreference] = {}
         self._robot_of: dict[int, int] = {}
         self._expected: list[int] = []
         self._audible: IntArray = np.zeros(0, dtype=np.int64)
         self._links = 0
 
     def look(self, present: npt.ArrayLike) -> list[RobotObservation]:
-        """Start a tick: what each of the N robots sees, and whom of those ``present`` (``[N]`` bool) it hears."""
+        """Start a tick: the observations of N robots. Those that are not ``present`` (``[N]`` bool) send nothing."""
         present = np.asarray(present, dtype=bool)
         observation = self.simulator.observe()
         tags = self._tags.integers(1, 2**64, size=self.robots, dtype=np.uint64)
@@ -81,7 +86,7 @@ class DistributedEpisode:
         audible = [tags[row[row >= 0]] for row in heard]
         self._robot_of = {int(tag): robot for robot, tag in enumerate(tags)}
         self.relay = Relay(tags.tolist(), [row[row >= 0].tolist() for row in heard], present.tolist())
-        self._wishes = {}
+        self._preferences = {}
         self._audible = np.array([len(a) for a in audible])
         self._links = int(self._audible[present].sum())
         return [
@@ -92,44 +97,45 @@ class DistributedEpisode:
         ]
 
     def relayed(self) -> list[Bundle]:
-        """End a round of messages that are relayed: for each of the N robots what it hears."""
+        """End a round of the relayed radio: the messages that each of the N robots hears."""
         return self.relay.bundles(self._tags)
 
-    def answer(self, tag: int, wish: ReceivedPreference) -> str | None:
-        """Take the preference sent under ``tag``; None, or why it was dropped."""
+    def answer(self, tag: int, preference: ReceivedPreference) -> str | None:
+        """Take the preference sent under ``tag``; returns None, or why it was dropped."""
         robot = self._robot_of.get(tag)
         if robot is None:
             return "a preference under a tag that was not given out in this tick"
-        if robot in self._wishes:
+        if robot in self._preferences:
             return "a second preference of one robot in one tick"
-        if not 0 <= wish.primitive < len(DELTAS):
-            return f"the primitive {wish.primitive}, where there are 0 to {len(DELTAS) - 1}"
-        self._wishes[robot] = wish
+        if not 0 <= preference.primitive < len(DELTAS):
+            return f"the primitive {preference.primitive}; there are 0 to {len(DELTAS) - 1}"
+        self._preferences[robot] = preference
         return None
 
     @property
     def answered(self) -> BoolArray:
-        """``[N]`` bool, whose preference is there."""
+        """``[N]`` bool, robots whose preferences have come."""
         flags = np.zeros(self.robots, dtype=bool)
-        flags[list(self._wishes)] = True
+        flags[list(self._preferences)] = True
         return flags
 
     def advance(self) -> Outcome:
-        """End the tick: who is silent idles, the shield rules, the robots move."""
+        """End the tick: silent robots idle, the shield is applied, and the robots move."""
         actions = np.zeros(self.robots, dtype=np.int64)
-        liking = np.zeros((self.robots, len(DELTAS)), dtype=np.float32)
+        log_probabilities = np.zeros((self.robots, len(DELTAS)), dtype=np.float32)
         missing = np.zeros(self.robots, dtype=np.int64)
-        for robot, wish in self._wishes.items():
-            actions[robot], liking[robot] = wish.primitive, wish.log_probabilities
-            missing[robot] = max(0, int(self._audible[robot]) - wish.heard)
-            self.feature_bytes += wish.feature_bytes
+        for robot, preference in self._preferences.items():
+            actions[robot], log_probabilities[robot] = preference.primitive, preference.log_probabilities
+            missing[robot] = max(0, int(self._audible[robot]) - preference.heard)
+            self.feature_bytes += preference.feature_bytes
         self.features_missing += int(missing.sum())
-        self.answers += len(self._wishes)
+        self.answers += len(self._preferences)
         silent = ~self.answered
         self.silent += int(silent.sum())
-        return Outcome(actions, self.simulator.step(Actions(actions, liking, silent)), silent, missing, self._links)
+        step = self.simulator.step(Actions(actions, log_probabilities, silent))
+        return Outcome(actions, step, silent, missing, self._links)
 
     @property
     def bytes_per_tick(self) -> float:
-        """Feature bytes that a robot sent in a tick, mean over the preferences that came."""
+        """Bytes of the Feature messages of a robot in a tick, mean over the preferences that came."""
         return self.feature_bytes / max(self.answers, 1)

@@ -216,10 +216,10 @@ def test_a_case_in_two_splits_is_refused_by_both_numbers(tmp_path: Path, monkeyp
         return [SolvedCase(number, s.case, s.paths) for number, s in zip(numbers, drawn, strict=True)]
 
     monkeypatch.setattr(data, "solved_cases", forged)
-    with pytest.raises(DataSetError, match=r"case 41 \(valid\) is case 6 \(train\) again"):
+    with pytest.raises(DataSetError, match=r"case 41 \(valid\) equals case 6 \(train\)"):
         make(tmp_path)
     assert not (tmp_path / "valid-00040.npz").exists()
-    with pytest.raises(DataSetError, match=r"case 41 \(valid\) is case 6 \(train\) again"):
+    with pytest.raises(DataSetError, match=r"case 41 \(valid\) equals case 6 \(train\)"):
         make(tmp_path)  # the training split is there now
 
 
@@ -229,12 +229,12 @@ def test_a_case_in_two_splits_is_found_in_what_is_there(tmp_path: Path, monkeypa
         patch.setattr(data, "_check_distinct", lambda *_: None)
         make(tmp_path, splits=overlapping)
     for check in (lambda: check_data_set(tmp_path), lambda: make(tmp_path, splits=overlapping)):
-        with pytest.raises(DataSetError, match=r"case 3 \(valid\) is case 3 \(train\) again"):
+        with pytest.raises(DataSetError, match=r"case 3 \(valid\) equals case 3 \(train\)"):
             check()
 
 
 def test_a_case_twice_in_one_split_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(DataSetError, match=r"\(train\) is case \d+ \(train\) again.* larger maps or fewer cases"):
+    with pytest.raises(DataSetError, match=r"\(train\) equals case \d+ \(train\).* larger maps or fewer cases"):
         make(tmp_path, splits={"train": range(40)}, size={"width": 3, "height": 1, "robots": 1, "density": 0.0})
 
 

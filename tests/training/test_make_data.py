@@ -31,7 +31,7 @@ def test_a_data_set_is_made_and_shown(capfd, tmp_path, monkeypatch):
         assert text in shown
 
 
-def test_an_interrupted_making_says_how_it_goes_on_and_does(capfd, tmp_path, monkeypatch):
+def test_an_interrupted_command_says_how_it_is_resumed_and_resumes(capfd, tmp_path, monkeypatch):
     def interrupted(*args, progress, **options):
         def interrupt(done):
             progress(done)
@@ -45,7 +45,7 @@ def test_an_interrupted_making_says_how_it_goes_on_and_does(capfd, tmp_path, mon
     with monkeypatch.context() as patch:
         patch.setattr(data, "make_data_set", interrupted)
         assert main(command) == INTERRUPTED
-        assert "interrupted: the same command goes on" in said(capfd)
+        assert "interrupted: the same command resumes the data set" in said(capfd)
         assert sorted(path.name for path in folder.iterdir()) == ["train-00000.npz", "train-00004.npz"]
         patch.setattr(data, "make_data_set", lambda *args, **options: make_data_set(*args, shard=4, **options))
         assert main(command) == 0

@@ -14,7 +14,7 @@ from magat_robot.policy.policy import Decision
 from magat_sim.case import Case
 from magat_sim.grid import DELTAS, Primitive
 from magat_sim.rollout import run_recorded
-from magat_training.online import CORRECTIONS, NODE_LIMIT, Lesson, correct_failures, correct_states
+from magat_training.online import CORRECTIONS, NODE_LIMIT, Correction, correct_failures, correct_states
 from magat_training.samples import Instants
 
 IDLE, UP, _, _, RIGHT = Primitive
@@ -77,23 +77,25 @@ def episodes(solved: list[SolvedCase], small_policy: Callable) -> dict[int, np.n
 
 
 @pytest.fixture(scope="module")
-def lesson(solved: list[SolvedCase], small_policy: Callable) -> Lesson:
+def correction(solved: list[SolvedCase], small_policy: Callable) -> Correction:
     """What the expert has to say about every state of those episodes."""
     return correct_states(small_policy(), solved, CHOSEN, seed=3)
 
 
 def test_every_state_that_an_episode_comes_through_is_corrected_once(
-    lesson: Lesson, episodes: dict[int, np.ndarray]
+    correction: Correction, episodes: dict[int, np.ndarray]
 ) -> None:
     # Each world ends at a time of its own. Where it has come to then, there is nothing left to decide.
     assert len({len(way) for way in episodes.values()}) > 1
     expected = [(i, state) for i, way in episodes.items() for state in way[:-1].tolist()]
-    assert sorted((case, now) for case, now, _ in rows(lesson.instants)) == sorted(expected)
+    assert sorted((case, now) for case, now, _ in rows(correction.instants)) == sorted(expected)
 
 
-def test_a_label_is_the_first_step_of_a_solution_from_that_very_state(solved: list[SolvedCase], lesson: Lesson) -> None:
+def test_a_label_is_the_first_step_of_a_solution_from_that_very_state(
+    solved: list[SolvedCase], correction: Correction
+) -> None:
     moved = 0
-    for case, now, after in rows(lesson.instants):
+    for case, now, after in rows(correction.instants):
         paths = solution(solved[case], np.array(now))
         assert paths is not None
         assert paths[1].tolist() == after
@@ -101,7 +103,7 @@ def test_a_label_is_the_first_step_of_a_solution_from_that_very_state(solved: li
         s = solved[case].case
         assert check_paths(s.obstacles, np.array(now), s.goals, np.concatenate([[now], [after], paths[2:]])) == []
         moved += now != after
-    assert moved > len(lesson.instants or []) / 2
+    assert moved > len(correction.instants or []) / 2
 
 
 def test_states_of_finished_worlds_are_not_there(solved: list[SolvedCase]) -> None:
@@ -110,19 +112,19 @@ def test_states_of_finished_worlds_are_not_there(solved: list[SolvedCase]) -> No
     cases = [*solved, at_home]
     follower = Follower(solved, seed=4)
     chosen = [8, *range(8)]
-    lesson = correct_states(follower, cases, chosen, seed=4)
-    assert all(episode.success_strict for episode in lesson.episodes)
-    assert len({episode.ticks for episode in lesson.episodes}) > 3
+    correction = correct_states(follower, cases, chosen, seed=4)
+    assert all(episode.success_strict for episode in correction.episodes)
+    assert len({episode.ticks for episode in correction.episodes}) > 3
     expected = [(i, state) for i in range(8) for state in solved[i].paths[:-1].tolist()]
-    assert sorted((case, now) for case, now, _ in rows(lesson.instants)) == sorted(expected)
+    assert sorted((case, now) for case, now, _ in rows(correction.instants)) == sorted(expected)
     assert correct_states(follower, cases, [8], seed=4).instants is None
 
 
 def test_failed_episodes_are_solved_from_their_last_states_to_the_goals(
     solved: list[SolvedCase], small_policy: Callable, episodes: dict[int, np.ndarray]
 ) -> None:
-    lesson = correct_failures(small_policy(), solved, CHOSEN, seed=3)
-    failed = [i for i, episode in zip(CHOSEN, lesson.episodes, strict=True) if not episode.success]
+    correction = correct_failures(small_policy(), solved, CHOSEN, seed=3)
+    failed = [i for i, episode in zip(CHOSEN, correction.episodes, strict=True) if not episode.success]
     assert failed
     paths = []
     for i in failed:
@@ -131,16 +133,16 @@ def test_failed_episodes_are_solved_from_their_last_states_to_the_goals(
         assert path is not None
         assert path[-1].tolist() == solved[i].case.goals.tolist()
         paths.append(path)
-    assert list(rows(lesson.instants)) == list(rows(Instants.of_paths(paths, failed)))
+    assert list(rows(correction.instants)) == list(rows(Instants.of_paths(paths, failed)))
 
 
 def test_successes_teach_nothing_where_only_failures_are_corrected(solved: list[SolvedCase]) -> None:
     # Half of the cases are walked to the end, in the other half nobody moves.
-    lesson = correct_failures(Follower(solved[::2], seed=4), solved, range(8), seed=4)
-    assert [episode.success for episode in lesson.episodes] == [True, False] * 4
+    correction = correct_failures(Follower(solved[::2], seed=4), solved, range(8), seed=4)
+    assert [episode.success for episode in correction.episodes] == [True, False] * 4
     failed = [1, 3, 5, 7]
     expected = Instants.of_paths([solution(solved[i], solved[i].case.starts) for i in failed], failed)
-    assert list(rows(lesson.instants)) == list(rows(expected))
+    assert list(rows(correction.instants)) == list(rows(expected))
     assert correct_failures(Follower(solved, seed=4), solved, range(8), seed=4).instants is None
 
 
@@ -165,9 +167,9 @@ def test_what_the_expert_gives_up_on_is_left_out(correct: Callable) -> None:
     passing = SolvedCase(1, Case(corridor, ends, ends[::-1]), np.array([ends, ends[::-1]]))
     closing = SolvedCase(2, Case(corridor, apart, together), np.array([apart, together]))
     assert solution(passing, ends) is None
-    lesson = correct(Follower([], seed=0), [passing, closing, passing], [0, 1, 2], seed=0)
-    assert [episode.success for episode in lesson.episodes] == [False] * 3
-    corrected = list(rows(lesson.instants))
+    correction = correct(Follower([], seed=0), [passing, closing, passing], [0, 1, 2], seed=0)
+    assert [episode.success for episode in correction.episodes] == [False] * 3
+    corrected = list(rows(correction.instants))
     assert corrected[0] == (1, [[1, 0], [4, 0]], [[2, 0], [3, 0]])
     assert {case for case, _, _ in corrected} == {1}
     nothing = correct(Follower([], seed=0), [passing, closing], [0, 0], seed=0)
@@ -176,15 +178,15 @@ def test_what_the_expert_gives_up_on_is_left_out(correct: Callable) -> None:
 
 
 @BOTH
-def test_a_lesson_comes_with_the_measures_of_its_episodes(
+def test_a_correction_comes_with_the_measures_of_its_episodes(
     solved: list[SolvedCase], small_policy: Callable, correct: Callable
 ) -> None:
-    lesson = correct(small_policy(), solved, CHOSEN, seed=3)
-    assert lesson.episodes == evaluate(small_policy(), [solved[i] for i in CHOSEN], seed=3)
+    correction = correct(small_policy(), solved, CHOSEN, seed=3)
+    assert correction.episodes == evaluate(small_policy(), [solved[i] for i in CHOSEN], seed=3)
 
 
 @BOTH
-def test_a_lesson_is_repeatable_and_follows_the_seed(
+def test_a_correction_is_repeatable_and_follows_the_seed(
     solved: list[SolvedCase], small_policy: Callable, correct: Callable
 ) -> None:
     first, again, other = (
@@ -194,7 +196,7 @@ def test_a_lesson_is_repeatable_and_follows_the_seed(
 
 
 @BOTH
-def test_lessons_are_kept_as_compactly_as_the_experts_own_paths(
+def test_corrections_are_kept_as_compactly_as_the_experts_own_paths(
     solved: list[SolvedCase], small_policy: Callable, correct: Callable
 ) -> None:
     instants = correct(small_policy(), solved, CHOSEN[:1], seed=3).instants

@@ -6,7 +6,7 @@ import pytest
 
 from magat_robot.policy.config import ModelError, PolicyConfig
 from magat_training.recipe import read_recipe, recipe, write_recipe
-from magat_training.train import TrainConfig
+from magat_training.trainer import TrainConfig
 
 
 def test_a_name_stands_for_the_defaults() -> None:

@@ -14,7 +14,7 @@ MODULES = [
     "magat_sim.rollout",
     "magat_sim.team",
     "magat_sim.ticks",
-    "magat_training.train",
+    "magat_training.trainer",
     "magat_viewer.detail",
     "magat_viewer.server",
 ]

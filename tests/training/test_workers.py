@@ -17,7 +17,7 @@ from torch.nn.functional import cross_entropy
 from magat_evaluation.cases import SolvedCase
 from magat_robot.policy.config import PolicyConfig
 from magat_robot.policy.network import PolicyNetwork
-from magat_training.train import TrainConfig, Trainer
+from magat_training.trainer import TrainConfig, Trainer
 from magat_training.workers import ALONE, Workers
 
 #: Three, not two: two numbers give the same sum in any order.
@@ -44,7 +44,7 @@ from pathlib import Path
 import torch
 from magat_training.online import CORRECTIONS
 from magat_training.samples import Sampler
-from magat_training.train import Trainer
+from magat_training.trainer import Trainer
 from magat_training.workers import Workers
 
 signal.alarm(80)  # nobody waits for ever
@@ -77,9 +77,9 @@ def run():
 
     # Only the last one's episodes succeed.
     def correct(*arguments, correct=CORRECTIONS["states"]):
-        lesson = correct(*arguments)
-        episodes = [dataclasses.replace(episode, success=rank == {COUNT - 1}) for episode in lesson.episodes]
-        return dataclasses.replace(lesson, episodes=episodes)
+        correction = correct(*arguments)
+        episodes = [dataclasses.replace(episode, success=rank == {COUNT - 1}) for episode in correction.episodes]
+        return dataclasses.replace(correction, episodes=episodes)
     CORRECTIONS["states"] = correct
 
     # A run, each process with a folder of its own, so that it shows which of them writes.
@@ -87,7 +87,7 @@ def run():
     trainer.run()
     found["straight"] = weights(trainer)
     found["buffers"] = list(trainer.network.buffers())
-    found["lessons"] = [(lesson.case.tolist(), lesson.now.tolist()) for lesson in trainer._lessons]
+    found["corrections"] = [(one.case.tolist(), one.now.tolist()) for one in trainer._corrections]
     found["online_alpha"] = trainer._online_alpha
 
     # The same, interrupted.
@@ -222,10 +222,10 @@ def test_an_interrupted_run_of_several_ends_with_the_bits_of_an_uninterrupted_on
 
 
 def test_what_the_online_expert_says_to_one_is_said_to_all(found: list[dict[str, Any]]) -> None:
-    assert [one["lessons"] for one in found] == [found[0]["lessons"]] * COUNT
+    assert [one["corrections"] for one in found] == [found[0]["corrections"]] * COUNT
     assert [one["online_alpha"] for one in found] == [1 / CONFIG.online_cases] * COUNT
-    # The lessons of two rounds, and in each round every case once.
-    cases = [set(case) for case, _ in found[0]["lessons"]]
+    # The corrections of two rounds, and in each round every case once.
+    cases = [set(case) for case, _ in found[0]["corrections"]]
     assert len(cases) == 2 * COUNT
     for parts in (cases[:COUNT], cases[COUNT:]):
         assert sorted(map(len, parts)) == [1, 2, 2]

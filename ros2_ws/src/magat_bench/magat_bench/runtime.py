@@ -139,7 +139,7 @@ class _Timed:
             Follower(f"http://{PAGE_HOST}:{plan.view}/", chosen=0) as follower,
         ):
             deadline = time.monotonic() + READY
-            while follower.last.get("detail", {}).get("why") != "":  # the page knows the robot's thoughts
+            while follower.last.get("detail", {}).get("no_attention") != "":  # the page knows the robot's thoughts
                 page.check()
                 if time.monotonic() > deadline:
                     raise TeamError(f"the page shows nothing of the chosen robot after {READY:g} s")

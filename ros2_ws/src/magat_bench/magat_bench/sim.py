@@ -29,7 +29,7 @@ from magat_sim.streams import episode_streams
 PARTS: dict[str, Sequence[Callable[..., Any]]] = {
     "observation": [field_of_view],
     "radio graph": [neighbours],
-    "CNN": [PolicyNetwork.look],
+    "CNN": [PolicyNetwork.perceive],
     "rest of the policy": [Policy.decide_together],
     "shield": list(SHIELDS.values()),
 }

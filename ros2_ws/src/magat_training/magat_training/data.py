@@ -1,20 +1,19 @@
-"""Data sets: a folder of solved cases, made once, the same on every machine.
+"""Data sets: folders of solved cases, with the same contents on every machine.
 
-A folder holds shards ``{split}-{number of the first case:05d}.npz`` and, once all of them are there, ``manifest.json``.
-Stored are maps, starts, goals and actions; observations are rebuilt from them faster than they are read. A shard
-carries the recipe of its data set, and gets its name only when it is whole: a making that was killed, at whatever
-moment, can be taken up again.
+A folder holds shards ``{split}-{number of the first case:05d}.npz`` and, once it is complete, ``manifest.json``. Shards
+store maps, starts, goals and actions; observations are recomputed, which is faster than reading them. A shard contains
+the recipe of its data set and is written atomically, so that a command that was killed at any moment can be resumed.
 
 The manifest is one JSON object:
 
-- ``recipe``: what decides the content. ``generator_version``, ``seed``, ``size`` (width and height in cells, robots,
-  density), ``expert`` (its bound w and its limit in high-level expansions), ``splits`` (for each its first number and
-  the one after its last), ``shard`` (cases a file).
-- ``splits``: what came out. For each how many cases were ``drawn`` and ``solved``, the numbers of the ``unsolved``
-  ones, which are not stored, ``instants`` (T + 1 of each case, added up), and ``shards``, the SHA-256 of each.
+- ``recipe``: what determines the contents. ``generator_version``, ``seed``, ``size`` (width and height in cells,
+  robots, density), ``expert`` (its bound w and its limit in high-level expansions), ``splits`` (for each its first
+  number and the number after its last), ``shard`` (cases in each file).
+- ``splits``: the result. For each split how many cases were ``drawn`` and ``solved``, the numbers of the ``unsolved``
+  ones, which are not stored, ``instants`` (the sum of T + 1 over the cases), and ``shards``, the SHA-256 of each.
 - ``sha256``: of all the above.
 
-Hashes are those of arrays, not of files: they do not depend on how zlib packs them.
+Hashes are those of arrays, not of files: they do not depend on the compression.
 """
 
 import hashlib
@@ -30,16 +29,17 @@ from numpy.typing import NDArray
 from magat_evaluation.cases import GENERATOR_VERSION, SolvedCase, solved_cases
 from magat_evaluation.splits import EXPERT_NODE_LIMIT, EXPERT_W, SET_SEED, SET_SIZE, SPLITS
 from magat_node.errors import MagatError
+from magat_node.files import write_atomically
 from magat_sim.case import Case
 from magat_sim.grid import DELTAS, primitives_between
 
 MANIFEST = "manifest.json"
-#: Cases a file: half a second of work, which is what an interruption costs.
+#: Cases in each file: half a second of work, which is lost in an interruption.
 SHARD_CASES = 1_500
 
 
 class DataSetError(MagatError, ValueError):
-    """A data set that cannot be made or read as asked; the message says why and what to do."""
+    """A data set cannot be made or read; the message says why and what to do."""
 
 
 def make_data_set(
@@ -51,23 +51,23 @@ def make_data_set(
     shard: int = SHARD_CASES,
     progress: Callable[[int], None] = lambda done: None,
 ) -> dict[str, Any]:
-    """Draw and solve cases into ``folder``, or go on where that was interrupted; damaged shards are made again.
+    """Draw and solve cases into ``folder``, or resume where that was interrupted; damaged shards are made again.
 
     Args:
-        folder: of the data set; made if it is not there.
+        folder: of the data set; created if it does not exist.
         seed: of the series of cases, 0 or more.
-        splits: names, and the contiguous numbers of each.
+        splits: the contiguous numbers of each split, by name.
         size: any of width, height (cells), robots and density, as `draw_case` takes them.
-        workers: solver threads; their number changes nothing in the data set.
-        shard: cases a file, at least 1.
-        progress: called with the number of cases done, those found in ``folder`` included, again and again. What it
-            raises ends the making.
+        workers: solver threads; the data set does not depend on their number.
+        shard: cases in each file, at least 1.
+        progress: called repeatedly with the number of cases done, including those found in ``folder``. It may raise an
+            exception to stop.
 
     Returns:
         The manifest.
 
     Raises:
-        DataSetError: the folder holds cases of another recipe, two cases are alike, or a parameter makes no sense.
+        DataSetError: the folder holds cases of another recipe, two cases are equal, or a parameter is out of range.
         InvalidCaseError: no case of this size can be drawn.
         OSError: the folder cannot be written.
     """
@@ -97,7 +97,7 @@ def make_data_set(
         summaries[split] = summary
     manifest: dict[str, Any] = {"recipe": recipe, "splits": summaries}
     manifest["sha256"] = _manifest_digest(manifest)
-    _write_whole(folder / MANIFEST, (json.dumps(manifest, indent=2) + "\n").encode())
+    _write(folder / MANIFEST, (json.dumps(manifest, indent=2) + "\n").encode())
     return manifest
 
 
@@ -113,7 +113,9 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         version, digest = manifest["recipe"]["generator_version"], manifest["sha256"]
         intact = digest == _manifest_digest(manifest)
     except FileNotFoundError:
-        raise DataSetError(f"{folder} has no {MANIFEST}: make the data set, or go on making it") from None
+        raise DataSetError(
+            f"{folder} has no {MANIFEST}: make the data set, or complete it, with `magat data make`"
+        ) from None
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise DataSetError(f"{path} is no manifest ({error!r}): make the data set again") from error
     if version != GENERATOR_VERSION:
@@ -148,10 +150,10 @@ def read_data_set(folder: Path, split: str) -> list[SolvedCase]:
 
 
 def check_data_set(folder: Path) -> dict[str, Any]:
-    """The manifest of the data set in ``folder``, once every hash is verified, and that no two cases are alike.
+    """The manifest of the data set in ``folder``, after verifying every hash and that no two cases are equal.
 
     Raises:
-        DataSetError: as `read_data_set`; or two cases are alike.
+        DataSetError: as `read_data_set`; or two cases are equal.
     """
     manifest = read_manifest(folder)
     seen: dict[bytes, str] = {}
@@ -192,7 +194,7 @@ def _check_recipes(folder: Path, recipe: dict[str, Any]) -> None:
 
 
 def _check_distinct(split: str, solved: Iterable[SolvedCase], seen: dict[bytes, str]) -> None:
-    """Add the content of ``solved`` to ``seen``, unless something in it was there before, in whatever split."""
+    """Add the contents of ``solved`` to ``seen``; raises an error if one of them is there already, in any split."""
     for one in solved:
         content = hashlib.sha256()
         for part in (one.case.obstacles, one.case.starts, one.case.goals):
@@ -201,8 +203,8 @@ def _check_distinct(split: str, solved: Iterable[SolvedCase], seen: dict[bytes, 
         other = seen.setdefault(content.digest(), name)
         if other is not name:
             raise DataSetError(
-                f"{name} is {other} again, and no case may occur twice: choose splits that do not overlap, larger "
-                "maps or fewer cases"
+                f"{name} equals {other}, and no case may occur twice: choose splits that do not overlap, "
+                "larger maps or fewer cases"
             )
 
 
@@ -236,7 +238,7 @@ def _write_shard(path: Path, recipe: dict[str, Any], solved: Sequence[SolvedCase
     }
     file = io.BytesIO()
     np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
-    _write_whole(path, file.getvalue())
+    _write(path, file.getvalue())
     return _digest(arrays)
 
 
@@ -285,9 +287,7 @@ def _manifest_digest(manifest: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def _write_whole(path: Path, content: bytes) -> None:
-    """Write a file that, under its name, is there as a whole or not at all."""
+def _write(path: Path, content: bytes) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_name(f"{path.name}.draft")
-    draft.write_bytes(content)
-    draft.replace(path)
+    with write_atomically(path) as draft:
+        draft.write_bytes(content)

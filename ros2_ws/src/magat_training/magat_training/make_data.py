@@ -1,37 +1,36 @@
-"""``magat data``: the scenario sets with the expert's solutions, made once and kept in a folder."""
+"""``magat data``: makes and shows data sets, folders of cases with the expert's solutions."""
 
 import time
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from magat_evaluation.cases import first_cases
 from magat_node import interruption
+from magat_node.progress import progress_bars
 from magat_training.data import DataSetError, check_data_set, make_data_set
 
 
 def make(folder: Path, cases: int, seed: int, size: dict[str, Any], console: Console) -> None:
-    """Make the data set of ``cases`` cases in ``folder``, or what is missing of it.
+    """Make a data set of ``cases`` cases in ``folder``, or the rest of one that was interrupted.
 
     Args:
         folder: of the data set.
-        cases: how many, in all three splits.
+        cases: number of cases in all three splits.
         seed: of the cases.
         size: width, height, robots, density, as `draw_case` takes them.
-        console: shows the progress, and what came of it.
+        console: shows the progress and a summary.
 
     Raises:
         DataSetError: as `make_data_set`; or the folder cannot be written.
-        InvalidCaseError: that many cases, or cases of this size, cannot be drawn.
-        KeyboardInterrupt: with a message that the making can be resumed.
+        InvalidCaseError: this number of cases, or cases of this size, cannot be drawn.
+        KeyboardInterrupt: with a message that the command can be resumed.
     """
     splits = first_cases(cases)
     started = time.monotonic()
-    columns = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()]
-    with Progress(*columns, console=console, transient=True) as bar:
+    with progress_bars(console) as bar:
         task = bar.add_task("cases", total=cases)
 
         def show_progress(done: int) -> None:
@@ -41,7 +40,7 @@ def make(folder: Path, cases: int, seed: int, size: dict[str, Any], console: Con
         try:
             manifest = make_data_set(folder, seed, splits, size, progress=show_progress)
         except KeyboardInterrupt:
-            raise KeyboardInterrupt(f"the same command goes on with what is in {folder}") from None
+            raise KeyboardInterrupt(f"the same command resumes the data set in {folder}") from None
         except OSError as error:
             raise DataSetError(f"{folder} cannot be written ({error}): choose another folder") from error
     solved = sum(split["solved"] for split in manifest["splits"].values())
@@ -54,7 +53,7 @@ def make(folder: Path, cases: int, seed: int, size: dict[str, Any], console: Con
 
 
 def show(folder: Path, console: Console) -> None:
-    """Print what the data set in ``folder`` holds to ``console``; all of it is read, and verified.
+    """Verify the data set in ``folder`` and print its contents to ``console``.
 
     Raises:
         DataSetError: as `check_data_set`.
@@ -71,7 +70,7 @@ def show(folder: Path, console: Console) -> None:
         unsolved = ", ".join(map(str, split["unsolved"])) or "none"
         table.add_row(name, f"{first} to {end - 1}", *map(str, counts), unsolved)
     lines = (
-        f"{folder}, {_megabytes(folder):.1f} MB, all of it as in its manifest",
+        f"{folder}, {_megabytes(folder):.1f} MB, verified against its manifest",
         f"cases      {size['width']}x{size['height']} cells, {size['robots']} robots, density {size['density']:g}",
         f"seed       {recipe['seed']}",
         f"expert     w = {expert['w']:g}, at most {expert['node_limit']} expansions",

@@ -1,4 +1,4 @@
-"""The online expert: what to do where the policy itself leads (MAGAT paper, Sec. V-D; Ross et al., DAgger, 2011)."""
+"""The online expert: labels states that the policy itself visits (MAGAT paper, Sec. V-D; DAgger, Ross et al. 2011)."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -16,28 +16,28 @@ from magat_sim.grid import IntArray
 from magat_sim.measures import EpisodeMeasures
 from magat_training.samples import Instants
 
-#: Limit of a search, in high-level expansions. Lower than that of the cases: a policy that knows nothing yet brings
-#: teams into states that cost the expert a minute, and there are plenty of others to learn from.
+#: Limit of a search, in high-level expansions. It is lower than that of the cases: an untrained policy reaches states
+#: that take the expert a minute, and there are enough others to learn from.
 NODE_LIMIT = 1_000
 
 
 @dataclass(frozen=True)
-class Lesson:
-    """What the expert had to say about a round of episodes."""
+class Correction:
+    """The expert's labels for one round of episodes."""
 
-    #: None if it had nothing to say.
+    #: None if there is nothing to correct, or the expert solves none of it.
     instants: Instants | None
     #: The policy's own measures in these episodes.
     episodes: list[EpisodeMeasures]
 
 
-def correct_failures(policy: Policy, solved: Sequence[SolvedCase], chosen: Sequence[int], seed: int) -> Lesson:
-    """The paper's online expert: each failed episode is cut at its last state and solved from there.
+def correct_failures(policy: Policy, solved: Sequence[SolvedCase], chosen: Sequence[int], seed: int) -> Correction:
+    """The paper's online expert: each failed episode is solved from its last state.
 
     Args:
         policy: runs one episode on each chosen case.
         solved: the cases.
-        chosen: indices into ``solved``; those of the instants, too.
+        chosen: indices into ``solved``; the instants have the same indices.
         seed: of the episodes' random streams.
     """
     simulator = simulator_for([solved[i] for i in chosen], seed)
@@ -48,14 +48,14 @@ def correct_failures(policy: Policy, solved: Sequence[SolvedCase], chosen: Seque
     paths = _paths(solved, cases, [simulator.position[simulator.world == place] for place in failed])
     kept = [(path, case) for path, case in zip(paths, cases, strict=True) if path is not None]
     instants = Instants.of_paths(*zip(*kept, strict=True)) if kept else None
-    return Lesson(instants, episodes)
+    return Correction(instants, episodes)
 
 
-def correct_states(policy: Policy, solved: Sequence[SolvedCase], chosen: Sequence[int], seed: int) -> Lesson:
-    """The expert's next step from every state that the policy comes through, solved anew from each.
+def correct_states(policy: Policy, solved: Sequence[SolvedCase], chosen: Sequence[int], seed: int) -> Correction:
+    """Label every state that the policy visits with the expert's next step, solved anew from that state.
 
-    A solution from the middle of an episode takes a fraction of a millisecond, so nothing needs to be guessed from
-    failures. Arguments as for `correct_failures`.
+    A solution from the middle of an episode takes a fraction of a millisecond, so every state can be labelled.
+    Arguments as for `correct_failures`.
     """
     simulator = simulator_for([solved[i] for i in chosen], seed)
     positions, places = [], []
@@ -77,21 +77,21 @@ def correct_states(policy: Policy, solved: Sequence[SolvedCase], chosen: Sequenc
         instants = Instants(
             np.asarray(cases, dtype=np.int32)[kept], now[kept].astype(np.int16), np.stack(after).astype(np.int16)
         )
-    return Lesson(instants, simulator.measures([solved[i].flowtime for i in chosen]))
+    return Correction(instants, simulator.measures([solved[i].flowtime for i in chosen]))
 
 
 #: Ways to ask the expert while training, by name.
-CORRECTIONS: dict[str, Callable[[Policy, Sequence[SolvedCase], Sequence[int], int], Lesson]] = {
+CORRECTIONS: dict[str, Callable[[Policy, Sequence[SolvedCase], Sequence[int], int], Correction]] = {
     "failures": correct_failures,
     "states": correct_states,
 }
 
 
 def _paths(solved: Sequence[SolvedCase], cases: Sequence[int], starts: Sequence[IntArray]) -> list[IntArray | None]:
-    """The expert's paths on ``cases`` from ``starts`` (each ``[N, 2]``); None where it gives up."""
-    asked = (
+    """The expert's paths on ``cases`` from ``starts`` (each ``[N, 2]``); None where it reaches its limit."""
+    states = (
         Case(solved[case].case.obstacles, start, solved[case].case.goals)
         for case, start in zip(cases, starts, strict=True)
     )
-    solutions = solve_many(asked, w=EXPERT_W, time_limit=math.inf, node_limit=NODE_LIMIT)
+    solutions = solve_many(states, w=EXPERT_W, time_limit=math.inf, node_limit=NODE_LIMIT)
     return [solution.paths if solution.status is SolveStatus.SOLVED else None for solution in solutions]

@@ -1,4 +1,4 @@
-"""Recipes: how a policy is trained, as a file that people write and `magat train` reads."""
+"""Recipes: YAML files that say how `magat train` trains a policy."""
 
 import dataclasses
 from pathlib import Path
@@ -7,9 +7,9 @@ from typing import Any
 import yaml
 
 from magat_robot.policy.config import ModelError, PolicyConfig
-from magat_training.train import TrainConfig
+from magat_training.trainer import TrainConfig
 
-#: Name of the recipe's copy beside the weights that came of it.
+#: Name of the recipe in the folder of the policy that was trained with it.
 RECIPE = "training.yaml"
 
 
@@ -18,10 +18,10 @@ def read_recipe(name: str) -> TrainConfig:
 
     Args:
         name: a policy's name, e.g. GNN-F-64, for the defaults of `TrainConfig`; or a YAML file (``.yaml``, ``.yml``)
-            with some of its fields, ``policy`` being a policy's name or some of the fields of `PolicyConfig`.
+            with some fields of `TrainConfig`, in which ``policy`` is a name or some fields of `PolicyConfig`.
 
     Raises:
-        ModelError: an unknown name, no such file, or fields and values that do not exist.
+        ModelError: the name is unknown, there is no such file, or it has unknown fields or wrong values.
     """
     if not name.endswith((".yaml", ".yml")):
         return TrainConfig(policy=_policy({"name": name}))

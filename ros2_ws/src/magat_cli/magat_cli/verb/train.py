@@ -32,10 +32,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: Options, console: "Console") -> int:
     """Run the verb; returns the exit status."""
-    from magat_training.run import train_policy
+    from magat_training.train_policy import train_policy
 
     chosen = {name: getattr(options, name) for name in ("steps", "online", "temperature", "seed")}
     changes = {name: value for name, value in chosen.items() if value is not None}
-    measured = not options.no_measure
-    train_policy(options.recipe, changes, options.data, options.output, options.threads, measured, console)
+    measures = not options.no_measure
+    train_policy(options.recipe, changes, options.data, options.output, options.threads, measures, console)
     return 0

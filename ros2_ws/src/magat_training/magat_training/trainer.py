@@ -18,6 +18,8 @@ from torch.nn.functional import cross_entropy
 
 from magat_evaluation.cases import SolvedCase
 from magat_evaluation.planners import evaluate
+from magat_node.files import write_atomically
+from magat_node.plain import plain
 from magat_robot.policy.config import PolicyConfig
 from magat_robot.policy.network import PolicyNetwork
 from magat_robot.policy.policy import Policy
@@ -29,7 +31,7 @@ from magat_training.workers import ALONE, Workers
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """How a policy is trained. The paper's values where the paper gives one.
+    """How a policy is trained. Defaults are the paper's values where it gives one.
 
     Raises:
         ValueError: an unknown way to ask the online expert.
@@ -49,11 +51,11 @@ class TrainConfig:
     weight_decay: float = 1e-5
     #: Steps between validations (simulated episodes) and checkpoints.
     validate_every: int = 1_000
-    #: The online expert: it corrects every state that the policy comes through ("states"), or, as in the paper, only
-    #: the last states of failed episodes ("failures"), or there is none ("off").
+    #: The online expert: it corrects every state that the policy visits ("states"), only the last states of failed
+    #: episodes, as in the paper ("failures"), or nothing ("off").
     online: str = "states"
-    #: From the step ``online_from`` on, every ``online_every`` steps, it looks at ``online_cases`` training episodes;
-    #: ``online_share`` of each batch then comes from what it said in the last ``online_rounds`` of these.
+    #: From step ``online_from`` on, the policy runs ``online_cases`` training cases every ``online_every`` steps, and
+    #: the expert corrects them. ``online_share`` of each batch comes from the last ``online_rounds`` of these rounds.
     online_from: int = 1_000
     online_every: int = 400
     online_cases: int = 500
@@ -69,7 +71,7 @@ class TrainConfig:
 class Trainer:
     """One training run in a folder: its checkpoint, its best weights, its log.
 
-    The log is there twice: ``log.jsonl``, a JSON object a validation, and TensorBoard's events in ``tensorboard/``.
+    The log has two forms: ``log.jsonl``, a JSON object for each validation, and TensorBoard events in ``tensorboard/``.
     """
 
     def __init__(
@@ -80,29 +82,34 @@ class Trainer:
         valid: list[SolvedCase],
         workers: Workers = ALONE,
     ) -> None:
-        """Start a run in ``folder``, or resume the one that is there.
+        """Start a run in ``folder``, or resume the run that is there.
 
         Raises:
-            ValueError: no cases; the run in ``folder`` has another configuration; a batch that cannot be shared,
-                or too few cases for the online expert.
+            ValueError: there are no cases; the run in ``folder`` has another configuration; the batch cannot be divided
+                among the processes; or there are too few cases for the online expert.
         """
         if config.batch % workers.count:
-            raise ValueError(f"a batch of {config.batch} instants cannot be shared by {workers.count} processes")
+            raise ValueError(
+                f"a batch of {config.batch} instants cannot be divided among {workers.count} processes: change either"
+            )
         self.config = config
         self.folder = folder
         self.step = 0
         self.best = -math.inf
         self.seconds = 0.0
-        #: Seconds of each part of the training so far, by name; of this process, since it started.
+        #: Seconds that this process has spent in each part of the training, by name.
         self.spent: dict[str, float] = {}
         self._workers = workers
         self._train = train
         self._valid = valid
         self._sampler = Sampler(train)
         if config.online != "off" and min(config.online_cases, len(train)) < workers.count:
-            raise ValueError(f"fewer than {workers.count} cases for the online expert, one for each process: add some")
+            raise ValueError(
+                f"the online expert needs at least {workers.count} cases, one for each process: raise online_cases"
+            )
         self._expert = Instants.of_paths([s.paths for s in train], range(len(train)))
-        self._lessons: list[Instants] = []
+        #: What the online expert corrected, an entry for each round and process.
+        self._corrections: list[Instants] = []
         self._online: Instants | None = None
         self._online_alpha = math.nan
         torch.manual_seed(config.seed)
@@ -124,7 +131,7 @@ class Trainer:
         return self.folder / "log.jsonl"
 
     def run(self, on_step: Callable[[int, float], None] | None = None) -> None:
-        """Train to the last step; ``on_step`` gets the step and the loss."""
+        """Train to the last step; ``on_step`` is called with the step and its loss after each step."""
         losses: list[float] = []
         while self.step < self.config.steps:
             started = time.monotonic()
@@ -144,13 +151,13 @@ class Trainer:
                 losses.clear()
 
     def best_network(self) -> PolicyNetwork:
-        """The network of the best validation so far."""
+        """The network with the best validation so far, see `score`."""
         network = PolicyNetwork(self.config.policy)
         network.load_state_dict(torch.load(self.folder / "best.pt", weights_only=True))
         return network
 
     def train_step(self) -> float:
-        """One step of the optimiser, not yet counted; returns the loss."""
+        """Make one optimiser step and return its loss; does not increase ``step``."""
         config, device = self.config, self._workers.device
         with self._timed("sampling"):
             batch = self._draw()
@@ -170,7 +177,7 @@ class Trainer:
         return loss.item()
 
     def _draw(self) -> Batch:
-        # Each step draws from a stream of its own, so that a resumed run goes on as if nothing had happened.
+        # Each step has its own random stream, so that a resumed run draws the same batches.
         rng = np.random.default_rng([self.config.seed, self.step, self._workers.rank])
         size = self.config.batch // self._workers.count
         if self._online is None:
@@ -183,22 +190,22 @@ class Trainer:
         return config.online != "off" and self.step >= config.online_from and self.step % config.online_every == 0
 
     def _ask_online_expert(self) -> None:
-        """Let the current policy run training cases, each process some of them, and hear what the expert says."""
-        # One stream more than any process has for its batches.
+        """Run training cases with the current policy, each process a share of them, and let the expert correct them."""
+        # No process draws its batches from this stream: their ranks are lower.
         rng = np.random.default_rng([self.config.seed, self.step, self._workers.count])
         chosen = rng.choice(len(self._train), min(self.config.online_cases, len(self._train)), replace=False)
         mine = self._workers.share(chosen.tolist())
-        self._workers.share_statistics(self.network)  # one policy, and the one that the checkpoint holds
-        lesson = CORRECTIONS[self.config.online](self._policy(), self._train, mine, self.step)
-        lessons = self._workers.everyones(lesson)
-        self._online_alpha = summarise([episode for lesson in lessons for episode in lesson.episodes]).alpha
-        self._lessons += [lesson.instants for lesson in lessons if lesson.instants is not None]
-        if self.config.online == "states":  # the policy has outgrown older ones; failures are few, and all kept
-            self._lessons = self._lessons[-self.config.online_rounds * self._workers.count :]
-        self._online = Instants.join(self._lessons) if self._lessons else None
+        self._workers.share_statistics(self.network)  # all run the policy that the checkpoint holds
+        correction = CORRECTIONS[self.config.online](self._policy(), self._train, mine, self.step)
+        corrections = self._workers.everyones(correction)
+        self._online_alpha = summarise([episode for one in corrections for episode in one.episodes]).alpha
+        self._corrections += [one.instants for one in corrections if one.instants is not None]
+        if self.config.online == "states":  # older states are of an older policy; failures are few, so all are kept
+            self._corrections = self._corrections[-self.config.online_rounds * self._workers.count :]
+        self._online = Instants.join(self._corrections) if self._corrections else None
 
     def _policy(self) -> Policy:
-        """The policy as robots would carry it now. They compute on the processor."""
+        """The policy in its deployed form, with the current weights, on the processor."""
         network = self.network
         return Policy(network if self._workers.device.type == "cpu" else copy.deepcopy(network).cpu())
 
@@ -217,12 +224,12 @@ class Trainer:
         }
         record |= dataclasses.asdict(measures)
         with self._log.open("a") as log:
-            log.write(json.dumps(record) + "\n")
+            log.write(json.dumps(plain(record), allow_nan=False) + "\n")
         shown = {"rate": self._optimiser.param_groups[0]["lr"]}
         for name in ("loss", "seconds", "online_alpha", "alpha", "delta_ft", "p_rg", "moves_blocked"):
             if record[name] is not None:
                 shown[name] = record[name]
-        # A file each time: only one that is closed surely holds its events, which no later run would write again.
+        # One file for each validation: events are only safe in a closed file, and a resumed run does not repeat them.
         with SummaryWriter(
             str(self.folder / "tensorboard"), purge_step=self.step, filename_suffix=f".{self.step:08d}"
         ) as board:
@@ -241,38 +248,38 @@ class Trainer:
             "best": self.best,
             "seconds": self.seconds,
             "online_alpha": self._online_alpha,
-            "lessons": [
-                {name: torch.from_numpy(array) for name, array in vars(lesson).items()} for lesson in self._lessons
+            "corrections": [
+                {name: torch.from_numpy(array) for name, array in vars(instants).items()}
+                for instants in self._corrections
             ],
             "network": self._weights(),
             "optimiser": self._optimiser.state_dict(),
         }
-        draft = self._checkpoint.with_suffix(".draft")
-        torch.save(state, draft)
-        draft.replace(self._checkpoint)  # a run killed while it saves keeps the checkpoint before
+        with write_atomically(self._checkpoint) as draft:
+            torch.save(state, draft)
 
     def _resume(self) -> None:
         state: dict[str, Any] = torch.load(self._checkpoint, weights_only=True)
         if state["config"] != dataclasses.asdict(self.config):
-            raise ValueError(f"{self._checkpoint} is of a run with another configuration: choose another folder")
+            raise ValueError(f"{self._checkpoint} belongs to a run with another configuration: choose another folder")
         if state["workers"] != self._workers.count:
             raise ValueError(
-                f"{self._checkpoint} is of a run of {state['workers']} processes, not {self._workers.count}: "
-                "start as many"
+                f"{self._checkpoint} belongs to a run of {state['workers']} processes, not {self._workers.count}: "
+                f"start {state['workers']}"
             )
         self.step, self.best, self.seconds = state["step"], state["best"], state["seconds"]
         if self._workers.first and self._log.exists():
-            # One killed between log and checkpoint validates that step again; if it was while writing, a line is torn.
+            # A run that was killed between log and checkpoint repeats that validation; one that was killed while it
+            # wrote the log has left half a line.
             lines = self._log.read_text().splitlines(keepends=True)
             kept = [line for line in lines if line.endswith("\n") and json.loads(line)["step"] <= self.step]
-            draft = self._log.with_suffix(".draft")
-            draft.write_text("".join(kept))
-            draft.replace(self._log)
+            with write_atomically(self._log) as draft:
+                draft.write_text("".join(kept))
         self._online_alpha = state["online_alpha"]
-        self._lessons = [
-            Instants(**{name: tensor.numpy() for name, tensor in lesson.items()}) for lesson in state["lessons"]
+        self._corrections = [
+            Instants(**{name: tensor.numpy() for name, tensor in instants.items()}) for instants in state["corrections"]
         ]
-        self._online = Instants.join(self._lessons) if self._lessons else None
+        self._online = Instants.join(self._corrections) if self._corrections else None
         self.network.load_state_dict(state["network"])
         self._optimiser.load_state_dict(state["optimiser"])
 
@@ -286,5 +293,5 @@ class Trainer:
 
 
 def score(alpha: float, delta_ft: float) -> float:
-    """What the best checkpoint has most of: a point of success is worth a point of flowtime."""
+    """The criterion for the best checkpoint: alpha - delta_FT."""
     return alpha - delta_ft

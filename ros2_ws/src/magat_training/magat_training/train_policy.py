@@ -1,4 +1,4 @@
-"""``magat train``: data, imitation, a policy folder, and what the policy is worth."""
+"""``magat train``: makes the data set, trains a policy, writes its folder, and measures it."""
 
 import dataclasses
 import shutil
@@ -7,20 +7,21 @@ from typing import Any
 
 import torch
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from magat_evaluation.cases import SolvedCase
-from magat_evaluation.measures_file import MEASURES, markdown, measure
+from magat_evaluation.measures_file import MEASURES, measure
 from magat_evaluation.sets import STANDARD_SETS
 from magat_evaluation.splits import SET_SEED, SET_SIZE, SPLITS
+from magat_evaluation.tables import markdown
 from magat_node import interruption
+from magat_node.progress import progress_bars
 from magat_robot.policy.config import ModelError
 from magat_robot.policy.store import CARD, save
-from magat_training import make_data as data
 from magat_training.card import card
-from magat_training.data import MANIFEST, read_data_set
+from magat_training.data import MANIFEST, read_data_set, read_manifest
+from magat_training.make_data import make
 from magat_training.recipe import RECIPE, read_recipe, write_recipe
-from magat_training.train import TrainConfig, Trainer
+from magat_training.trainer import TrainConfig, Trainer
 from magat_training.workers import Workers
 
 
@@ -30,27 +31,27 @@ def train_policy(
     data_folder: Path,
     output: Path | None,
     threads: int,
-    measured: bool,
+    measures: bool,
     console: Console,
 ) -> Path:
-    """Train a policy, or go on with a run that was interrupted.
+    """Train a policy, or resume a run that was interrupted.
 
-    Started by torchrun, its processes train together; only the first prints, writes and measures.
+    Processes started by torchrun train together; only the first one prints, writes files and measures.
 
     Args:
         recipe: see `read_recipe`.
         changes: fields of `TrainConfig`, or ``temperature``, that differ from the recipe.
         data_folder: the data set to train on; made if there is none.
-        output: folder of the run, ``runs/[name]`` if None; the policy goes to a folder of its name in it.
-        threads: for torch, each process.
-        measured: measure the policy on the standard sets in the end.
+        output: folder of the run, ``runs/[name]`` if None; the policy's folder is made in it.
+        threads: of torch in each process.
+        measures: whether to measure the trained policy on the standard sets.
         console: shows the progress.
 
     Returns:
         The policy's folder.
 
     Raises:
-        ModelError: no such recipe, or the folder holds another run.
+        ModelError: there is no such recipe, or the folder holds another run.
         KeyboardInterrupt: with a message that the training can be resumed.
     """
     config = _changed(read_recipe(recipe), changes)
@@ -59,7 +60,7 @@ def train_policy(
     workers = Workers.join()
     try:
         if workers.first and not (data_folder / MANIFEST).exists():
-            data.make(data_folder, sum(map(len, SPLITS.values())), SET_SEED, dict(SET_SIZE), console)
+            make(data_folder, sum(map(len, SPLITS.values())), SET_SEED, dict(SET_SIZE), console)
         workers.wait()
         train, valid = (
             _cases(data_folder, split, count)
@@ -74,7 +75,8 @@ def train_policy(
         workers.leave()
     folder = output / config.policy.name
     if workers.first:
-        _keep(trainer, folder, threads, workers.count, measured, console)
+        hardware = f"{workers.count} process(es) of {threads} thread(s)"
+        _write_policy(trainer, folder, read_manifest(data_folder)["recipe"], hardware, measures, console)
     return folder
 
 
@@ -88,15 +90,16 @@ def _changed(config: TrainConfig, changes: dict[str, Any]) -> TrainConfig:
 def _cases(folder: Path, split: str, count: int) -> list[SolvedCase]:
     solved = read_data_set(folder, split)
     if len(solved) < count:
-        raise ModelError(f"{folder} holds {len(solved)} {split} cases, and the recipe wants {count}: lower it")
+        raise ModelError(
+            f"{folder} holds {len(solved)} {split} cases, and the recipe asks for {count}: lower {split}_cases"
+        )
     return solved[:count]
 
 
 def _run(trainer: Trainer, console: Console, quiet: bool) -> None:
     if trainer.step and not quiet:
         console.print(f"resuming {trainer.folder} at step {trainer.step}")
-    columns = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()]
-    with Progress(*columns, console=console, disable=quiet) as progress:
+    with progress_bars(Console(quiet=True) if quiet else console) as progress:
         task = progress.add_task("training", total=trainer.config.steps, completed=trainer.step)
 
         def show_progress(step: int, loss: float) -> None:
@@ -106,15 +109,17 @@ def _run(trainer: Trainer, console: Console, quiet: bool) -> None:
         try:
             trainer.run(show_progress)
         except KeyboardInterrupt:
-            raise KeyboardInterrupt(f"the same command goes on from the last checkpoint in {trainer.folder}") from None
+            raise KeyboardInterrupt(f"the same command resumes the last checkpoint in {trainer.folder}") from None
 
 
-def _keep(trainer: Trainer, folder: Path, threads: int, processes: int, measured: bool, console: Console) -> None:
-    text = card(trainer.config, trainer.folder, f"{processes} process(es) of {threads} thread(s)")
+def _write_policy(
+    trainer: Trainer, folder: Path, cases: dict[str, Any], hardware: str, measures: bool, console: Console
+) -> None:
+    text = card(trainer.config, trainer.folder, cases, hardware)
     digest = save(trainer.best_network(), folder, text)
     write_recipe(trainer.config, folder / RECIPE)
-    (folder / MEASURES).unlink(missing_ok=True)  # of other weights
-    if measured:
+    (folder / MEASURES).unlink(missing_ok=True)  # those of the weights before
+    if measures:
         reports = measure(folder, STANDARD_SETS, console)
         (folder / CARD).write_text(f"{text}\n## Measures\n\n{markdown(reports, digest)}\n")
     shutil.copy(trainer.folder / "log.jsonl", folder / "log.jsonl")

@@ -19,10 +19,10 @@ from tensorboardX.proto.event_pb2 import Event, SessionLog
 
 from magat_evaluation.cases import SolvedCase
 from magat_robot.policy.config import PolicyConfig
-from magat_training import train as train_module
-from magat_training.online import CORRECTIONS, Lesson
+from magat_training import trainer as trainer_module
+from magat_training.online import CORRECTIONS, Correction
 from magat_training.samples import Batch, Instants, Sampler
-from magat_training.train import TrainConfig, Trainer
+from magat_training.trainer import TrainConfig, Trainer
 from magat_training.workers import Workers
 
 #: The online expert is asked before the steps 5, 7, 9 and 11: at once after each checkpoint, too.
@@ -133,14 +133,14 @@ def straight(tmp_path_factory: pytest.TempPathFactory, solved: list[SolvedCase])
 
 
 @pytest.fixture
-def lessons(monkeypatch: pytest.MonkeyPatch) -> list[Lesson]:
+def corrections(monkeypatch: pytest.MonkeyPatch) -> list[Correction]:
     """All that the online expert says from now on."""
-    said: list[Lesson] = []
+    said: list[Correction] = []
 
     def spy(correct: Callable) -> Callable:
         return lambda *arguments: said.append(correct(*arguments)) or said[-1]
 
-    monkeypatch.setattr(train_module, "CORRECTIONS", {name: spy(correct) for name, correct in CORRECTIONS.items()})
+    monkeypatch.setattr(trainer_module, "CORRECTIONS", {name: spy(correct) for name, correct in CORRECTIONS.items()})
     return said
 
 
@@ -166,7 +166,7 @@ LIVES = """
 import os, pickle, random, signal, sys, time
 from pathlib import Path
 import torch
-from magat_training.train import Trainer
+from magat_training.trainer import Trainer
 
 torch.set_num_threads(1)
 folder = Path(sys.argv[1])
@@ -263,8 +263,8 @@ def test_a_run_that_is_killed_while_it_writes_a_file_goes_on(
 
     def tear(state: dict, path: Path, save: Callable = torch.save) -> None:
         save(state, path)
-        written.append(path.stem)
-        if path.stem == name and written.count(name) == number:
+        written.append(path.name.partition(".")[0])
+        if written[-1] == name and written.count(name) == number:
             path.write_bytes(path.read_bytes()[:1000])
             raise PlugPulledError
 
@@ -340,12 +340,12 @@ def test_the_online_expert_is_asked_about_training_cases_that_differ_from_round_
 ) -> None:
     asked: list[tuple[int, list[int]]] = []
 
-    def spy(policy: object, cases: Sequence[SolvedCase], chosen: Sequence[int], seed: int) -> Lesson:
+    def spy(policy: object, cases: Sequence[SolvedCase], chosen: Sequence[int], seed: int) -> Correction:
         assert [case.number for case in cases] == [case.number for case in solved[:6]]
         asked.append((seed, list(chosen)))
         return CORRECTIONS["states"](policy, cases, chosen, seed)
 
-    monkeypatch.setattr(train_module, "CORRECTIONS", {"states": spy})
+    monkeypatch.setattr(trainer_module, "CORRECTIONS", {"states": spy})
     for seed in (5, 6):
         trained(tmp_path / str(seed), solved, replace(CONFIG, seed=seed, validate_every=12))
     assert all(len(set(chosen)) == 3 and set(chosen) <= set(range(6)) for _, chosen in asked)
@@ -360,13 +360,13 @@ def test_the_online_expert_learns_of_the_policy_as_it_is(
 ) -> None:
     asked: list[np.ndarray] = []
 
-    def spy(policy: object, *arguments: object) -> Lesson:
+    def spy(policy: object, *arguments: object) -> Correction:
         asked.append(policy._network.action.bias.numpy().copy())
         now.append(trainer.network.action.bias.detach().numpy().copy())
         return CORRECTIONS["states"](policy, *arguments)
 
     now: list[np.ndarray] = []
-    monkeypatch.setattr(train_module, "CORRECTIONS", {"states": spy})
+    monkeypatch.setattr(trainer_module, "CORRECTIONS", {"states": spy})
     trainer = Trainer(CONFIG, tmp_path, solved[:6], solved[6:])
     trainer.run()
     assert len({bias.tobytes() for bias in now}) == 4
@@ -375,8 +375,8 @@ def test_the_online_expert_learns_of_the_policy_as_it_is(
 
 
 @pytest.mark.parametrize(("online", "kept"), [("states", slice(-2, None)), ("failures", slice(None))])
-def test_lessons_of_old_states_are_forgotten_and_those_of_failures_are_not(
-    tmp_path: Path, solved: list[SolvedCase], lessons: list[Lesson], online: str, kept: slice
+def test_corrections_of_old_states_are_dropped_and_those_of_failures_are_kept(
+    tmp_path: Path, solved: list[SolvedCase], corrections: list[Correction], online: str, kept: slice
 ) -> None:
     config = replace(CONFIG, online=online, validate_every=2)
     trainer = Trainer(config, tmp_path, solved[:6], solved[6:])
@@ -385,8 +385,8 @@ def test_lessons_of_old_states_are_forgotten_and_those_of_failures_are_not(
 
     def on_step(step: int, loss: float) -> None:
         nonlocal counts, expected
-        said = [lesson.instants for lesson in lessons if lesson.instants is not None]
-        assert len(said) == len(lessons) == max(0, (step - 3) // 2)
+        said = [one.instants for one in corrections if one.instants is not None]
+        assert len(said) == len(corrections) == max(0, (step - 3) // 2)
         if said:
             expected = Instants.join(said[kept])
             counts += [len(expected)] * (step % 2 == 0)
@@ -402,10 +402,10 @@ def test_lessons_of_old_states_are_forgotten_and_those_of_failures_are_not(
 
 
 def test_without_an_online_expert_nobody_is_asked(
-    tmp_path: Path, solved: list[SolvedCase], lessons: list[Lesson]
+    tmp_path: Path, solved: list[SolvedCase], corrections: list[Correction]
 ) -> None:
     trainer = trained(tmp_path, solved, replace(CONFIG, online="off", online_from=0))
-    assert lessons == []
+    assert corrections == []
     assert [record["online_instants"] for record in records(tmp_path)] == [0, 0, 0]
     assert [record["online_alpha"] for record in records(tmp_path)] == [None] * 3
     assert "online_alpha" not in curves(tmp_path)
@@ -415,10 +415,10 @@ def test_without_an_online_expert_nobody_is_asked(
 def test_an_online_expert_with_nothing_to_say_changes_nothing(
     tmp_path: Path, solved: list[SolvedCase], straight: Callable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def silent(*arguments: object) -> Lesson:
-        return Lesson(None, CORRECTIONS["failures"](*arguments).episodes)
+    def silent(*arguments: object) -> Correction:
+        return Correction(None, CORRECTIONS["failures"](*arguments).episodes)
 
-    monkeypatch.setattr(train_module, "CORRECTIONS", {"failures": silent})
+    monkeypatch.setattr(trainer_module, "CORRECTIONS", {"failures": silent})
     trainer = trained(tmp_path, solved, replace(CONFIG, online="failures"))
     assert weights(trainer) == weights(straight("off"))
     assert [record["online_instants"] for record in records(tmp_path)] == [0, 0, 0]
@@ -448,7 +448,7 @@ def test_a_share_of_each_batch_is_the_online_experts(
 def test_a_folder_of_another_run_is_refused(tmp_path: Path, solved: list[SolvedCase]) -> None:
     trained(tmp_path, solved, stop_after=5)
     before = (tmp_path / "checkpoint.pt").read_bytes()
-    with pytest.raises(ValueError, match=r"checkpoint\.pt is of a run with another configuration"):
+    with pytest.raises(ValueError, match=r"checkpoint\.pt belongs to a run with another configuration"):
         Trainer(replace(CONFIG, first_rate=0.5), tmp_path, solved[:6], solved[6:])
     assert (tmp_path / "checkpoint.pt").read_bytes() == before
 
@@ -459,18 +459,18 @@ def test_a_run_of_another_number_of_processes_is_refused(tmp_path: Path, solved:
     assert state["workers"] == 1
     torch.save(state | {"workers": 2}, tmp_path / "checkpoint.pt")
     before = (tmp_path / "log.jsonl").read_text()
-    with pytest.raises(ValueError, match=r"checkpoint\.pt is of a run of 2 processes, not 1: start as many"):
+    with pytest.raises(ValueError, match=r"checkpoint\.pt belongs to a run of 2 processes, not 1: start 2"):
         Trainer(CONFIG, tmp_path, solved[:6], solved[6:])
     assert (tmp_path / "log.jsonl").read_text() == before
 
 
 def test_what_processes_cannot_share_is_refused(tmp_path: Path, solved: list[SolvedCase]) -> None:
     three = Workers(0, 3, torch.device("cpu"))
-    with pytest.raises(ValueError, match="a batch of 8 instants cannot be shared by 3 processes"):
+    with pytest.raises(ValueError, match="a batch of 8 instants cannot be divided among 3 processes"):
         Trainer(CONFIG, tmp_path / "new", solved[:6], solved[6:], three)
     # Each process runs episodes of its own.
     for config, train in ((replace(CONFIG, online_cases=2), solved[:6]), (CONFIG, solved[:2])):
-        with pytest.raises(ValueError, match="fewer than 3 cases for the online expert"):
+        with pytest.raises(ValueError, match="the online expert needs at least 3 cases"):
             Trainer(replace(config, batch=9), tmp_path / "new", train, solved[6:], three)
     assert not (tmp_path / "new").exists()
 

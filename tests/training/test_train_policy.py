@@ -10,9 +10,9 @@ from rich.console import Console
 from magat_bench.training import PARTS, bench_training, table
 from magat_cli.main import main
 from magat_evaluation.measures_file import read
-from magat_evaluation.sets import StandardSet
+from magat_evaluation.sets import CaseSet
 from magat_robot.policy.store import load
-from magat_training import run as training
+from magat_training import train_policy as training
 from magat_training.recipe import read_recipe
 
 RECIPE = """
@@ -37,7 +37,7 @@ def data(tmp_path_factory):
 
 @pytest.fixture
 def command(tmp_path, data, monkeypatch):
-    monkeypatch.setattr(training, "STANDARD_SETS", (StandardSet(10, 3, 2),))
+    monkeypatch.setattr(training, "STANDARD_SETS", (CaseSet.square(10, 3, 2),))
     recipe = tmp_path / "recipe.yaml"
     recipe.write_text(RECIPE)
     return ["train", str(recipe), "--data", str(data), "--threads", "1", "--output", str(tmp_path / "run")]
@@ -78,7 +78,7 @@ def test_options_stand_above_the_recipe(tmp_path, command):
 def test_a_data_set_that_is_too_small_is_named(command, capfd, tmp_path):
     (tmp_path / "recipe.yaml").write_text(RECIPE.replace("train_cases: 14", "train_cases: 15"))
     assert main(command) == 1
-    assert "holds 14 train cases, and the recipe wants 15" in " ".join(capfd.readouterr().err.split())
+    assert "holds 14 train cases, and the recipe asks for 15" in " ".join(capfd.readouterr().err.split())
 
 
 def test_the_bench_accounts_for_every_part_of_a_run():

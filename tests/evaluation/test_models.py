@@ -12,7 +12,7 @@ from safetensors.torch import load_file
 from magat_cli import main as cli
 from magat_evaluation.listing import describe, listing
 from magat_evaluation.measures_file import MEASURES, measure
-from magat_evaluation.sets import StandardSet
+from magat_evaluation.sets import CaseSet
 from magat_robot.policy import models
 from magat_robot.policy.config import ModelError
 from magat_robot.policy.models import all_policies
@@ -24,7 +24,7 @@ def measured_folder(tmp_path_factory: pytest.TempPathFactory, random_network: Ca
     """A policy that was measured on a tiny set; not to be changed."""
     folder = tmp_path_factory.mktemp("measured")
     save(random_network("MAGAT-F-16", temperature=0.5), folder, "# card\n")
-    measure(folder, [StandardSet(8, 3, 4)], Console(quiet=True))
+    measure(folder, [CaseSet.square(8, 3, 4)], Console(quiet=True))
     return folder
 
 
@@ -59,7 +59,7 @@ def test_the_list_says_what_a_policy_is_and_how_good(here: Path, capsys: Any) ->
     tensors = load_file(here / "good" / WEIGHTS)
     trained = sum(t.numel() for name, t in tensors.items() if "running_" not in name and "num_batches" not in name)
     lines = words(output)
-    assert ["good", digest[:12], "0.5", "16", "64", f"{trained:,}", "1"] in lines
+    assert ["good", digest[:12], "0.5", "16", "100", f"{trained:,}", "1"] in lines
     assert ["8x8", "(3)"] in lines
     low, high = measures["alpha_interval"]
     assert f"{measures['alpha']:.3f} ({low:.3f} to {high:.3f})" in output
@@ -72,9 +72,9 @@ def test_json_says_the_same(here: Path, capsys: Any) -> None:
     assert cli.main(["models", "--json"]) == 0
     (policy,) = json.loads(capsys.readouterr().out)
     (measures,) = json.loads((here / "good" / MEASURES).read_text())
-    assert policy == describe("good", here / "good")
+    assert policy == json.loads(json.dumps(describe("good", here / "good").to_json()))
     assert (policy["name"], policy["policy"], policy["error"]) == ("good", "MAGAT-F-16", None)
-    assert (policy["temperature"], policy["floats"], policy["bytes"]) == (0.5, 16, 64)
+    assert (policy["temperature"], policy["floats"], policy["bytes"]) == (0.5, 16, 36 + 64)
     assert policy["measures"] == [measures | {"stale": False}]
 
 
@@ -123,7 +123,7 @@ def test_measures_of_other_weights_are_listed_as_stale(here: Path, capsys: Any, 
     output = capsys.readouterr().out
     assert "none, 1 stale" in output
     assert f"stale, of {old[:12]}" in output
-    assert describe("good", here / "good")["measures"][0]["stale"]
+    assert describe("good", here / "good").to_json()["measures"][0]["stale"]
 
 
 def test_a_policy_that_was_never_measured_is_listed(here: Path, capsys: Any) -> None:

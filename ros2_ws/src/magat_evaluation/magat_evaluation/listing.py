@@ -1,6 +1,7 @@
-"""``magat models``: the policies that are there, and what was measured of them."""
+"""``magat models``: the policies in models/, with their reports."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,68 +10,95 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from magat_evaluation import measures_file as measured
-from magat_robot.policy.config import ModelError
+from magat_evaluation.candidates import bytes_per_step
+from magat_evaluation.measures_file import read
+from magat_evaluation.report import Report
+from magat_evaluation.tables import DIGITS, table
+from magat_robot.policy.config import ModelError, PolicyConfig
 from magat_robot.policy.store import load_network
 
-#: Bytes of a number that is sent (float32).
-_FLOAT_BYTES = 4
+
+@dataclass(frozen=True)
+class ListedPolicy:
+    """A policy folder that was verified."""
+
+    name: str
+    folder: Path
+    config: PolicyConfig
+    #: SHA-256 of the weights, hexadecimal.
+    digest: str
+    #: Number of trained weights.
+    weights: int
+    reports: Sequence[Report]
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return {
+            "name": self.name,
+            "folder": str(self.folder),
+            "error": None,
+            "policy": self.config.name,
+            "digest": self.digest,
+            "temperature": self.config.temperature,
+            "encoding": self.config.encoding,
+            "floats": sum(self.config.message_sizes),
+            "bytes": bytes_per_step(self.config),
+            "weights": self.weights,
+            "measures": [report.to_json() | {"stale": report.stale(self.digest)} for report in self.reports],
+        }
 
 
-def describe(name: str, folder: Path) -> dict[str, Any]:
-    """What the policy in ``folder`` is and what was measured of it, verified, as plain JSON values.
+@dataclass(frozen=True)
+class UnusablePolicy:
+    """A policy folder that cannot be used."""
 
-    Always there are ``name``, ``folder`` and ``error``: None, or why the policy, or what was measured of it, cannot be
-    used. With None come ``policy`` (the paper's name), ``digest`` (SHA-256, hexadecimal), ``temperature``, ``floats``
-    and ``bytes`` (what a robot sends in a step), ``weights`` (how many) and ``measures`` (reports, each with ``stale``:
-    whether it is of other weights).
-    """
-    found = {"name": name, "folder": str(folder)}
+    name: str
+    folder: Path
+    #: Why, and what to do.
+    error: str
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return {"name": self.name, "folder": str(self.folder), "error": self.error}
+
+
+def describe(name: str, folder: Path) -> ListedPolicy | UnusablePolicy:
+    """Verify the policy in ``folder``, and read its reports."""
     try:
         network, digest = load_network(folder)
-        reports = measured.read(folder)
+        reports = read(folder)
     except ModelError as error:
-        return found | {"error": str(error)}
-    floats = sum(network.config.message_sizes)
-    return found | {
-        "error": None,
-        "policy": network.config.name,
-        "digest": digest,
-        "temperature": network.config.temperature,
-        "floats": floats,
-        "bytes": _FLOAT_BYTES * floats,
-        "weights": sum(tensor.numel() for tensor in network.parameters()),
-        "measures": [report | {"stale": measured.stale(report, digest)} for report in reports],
-    }
+        return UnusablePolicy(name, folder, str(error))
+    weights = sum(tensor.numel() for tensor in network.parameters())
+    return ListedPolicy(name, folder, network.config, digest, weights, reports)
 
 
-def listing(policies: Sequence[dict[str, Any]]) -> Group:
-    """``policies``, as `describe` describes them, for people."""
+def listing(policies: Sequence[ListedPolicy | UnusablePolicy]) -> Group:
+    """``policies`` for the terminal."""
     result = Table(box=None, pad_edge=False)
     for heading in ("policy", "digest", "T", "floats a step", "bytes", "weights", "reports"):
         result.add_column(heading, justify="left" if heading in ("policy", "digest", "reports") else "right")
     entries, problems = [], []
     for policy in policies:
-        name = escape(policy["name"])
-        if policy["error"] is not None:
-            result.add_row(f"[red]{name}[/]", "[red]unusable[/]")
-            problems.append(Text(f"{policy['name']}: {policy['error']}", style="red"))
+        if isinstance(policy, UnusablePolicy):
+            result.add_row(f"[red]{escape(policy.name)}[/]", "[red]unusable[/]")
+            problems.append(Text(f"{policy.name}: {policy.error}", style="red"))
             continue
-        fresh = sum(not report["stale"] for report in policy["measures"])
-        old = len(policy["measures"]) - fresh
+        stale = sum(report.stale(policy.digest) for report in policy.reports)
+        fresh = len(policy.reports) - stale
         result.add_row(
-            name,
-            policy["digest"][: measured.DIGITS],
-            f"{policy['temperature']:g}",
-            str(policy["floats"]),
-            str(policy["bytes"]),
-            f"{policy['weights']:,}",
-            f"{fresh or 'none'}" + (f"[red], {old} stale[/]" if old else ""),
+            escape(policy.name),
+            policy.digest[:DIGITS],
+            f"{policy.config.temperature:g}",
+            str(sum(policy.config.message_sizes)),
+            str(bytes_per_step(policy.config)),
+            f"{policy.weights:,}",
+            f"{fresh or 'none'}" + (f"[red], {stale} stale[/]" if stale else ""),
         )
-        entries += [(policy["name"], policy["digest"], report) for report in policy["measures"]]
+        entries += [(policy.name, policy.digest, report) for report in policy.reports]
     parts: list[RenderableType] = [result]
     if entries:
-        parts += ["", measured.table(entries)]
+        parts += ["", table(entries)]
     if problems:
         parts += ["", *problems]
     return Group(*parts)

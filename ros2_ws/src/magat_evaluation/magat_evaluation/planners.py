@@ -1,4 +1,4 @@
-"""Scoring a policy, or what plans in its place, on a set of cases, in the batched simulator."""
+"""Episodes of a policy or of another planner on a set of cases, in the batched simulator."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -11,7 +11,7 @@ from magat_sim.rollout import Decide, run
 from magat_sim.simulator import DEFAULT_RULES, Actions, Observation, Rules, Simulator
 from magat_sim.streams import episode_streams
 
-#: How the robots of a simulator, which has a world for each of the cases, decide.
+#: Given solved cases and a simulator with a world for each, makes the function that decides for all robots.
 Planner = Callable[[Sequence[SolvedCase], Simulator], Decide]
 
 
@@ -20,7 +20,7 @@ def simulator_for(
     seed: int = SET_SEED,
     rules: Rules = DEFAULT_RULES,
 ) -> Simulator:
-    """A simulator with a world for each case; ``seed`` and each case's number name the random streams."""
+    """A simulator with a world for each case; ``seed`` and the number of a case select its random streams."""
     return Simulator(
         [s.case for s in solved],
         [s.t_max for s in solved],
@@ -36,8 +36,8 @@ def evaluate(
     on_step: Callable[[Simulator], None] | None = None,
     rules: Rules = DEFAULT_RULES,
 ) -> list[EpisodeMeasures]:
-    """One episode on each case, all in lockstep, every robot carrying ``policy``; see `evaluate_planner`."""
-    return evaluate_planner(partial(carried, policy), solved, seed, on_step, rules)
+    """Run one episode on each case in lockstep, every robot by ``policy``; see `evaluate_planner`."""
+    return evaluate_planner(policy_planner(policy), solved, seed, on_step, rules)
 
 
 def evaluate_planner(
@@ -47,10 +47,10 @@ def evaluate_planner(
     on_step: Callable[[Simulator], None] | None = None,
     rules: Rules = DEFAULT_RULES,
 ) -> list[EpisodeMeasures]:
-    """One episode on each case, all in lockstep.
+    """Run one episode on each case in lockstep.
 
     Args:
-        planner: how the robots decide.
+        planner: decides for all robots.
         solved: the cases, with the expert's solutions.
         seed: of the episodes' random streams.
         on_step: called after each step, e.g. to show progress.
@@ -64,14 +64,18 @@ def evaluate_planner(
     return simulator.measures([s.flowtime for s in solved])
 
 
-def carried(policy: Policy, _: Sequence[SolvedCase], __: Simulator) -> Decide:
-    """Once ``policy`` is given, the `Planner` by which every robot carries it."""
-    return partial(_decide, policy)
+def policy_planner(policy: Policy) -> Planner:
+    """The planner by which every robot runs ``policy``; it can be pickled if the policy can."""
+    return partial(_plan_by_policy, policy)
 
 
 def run_policy(policy: Policy, simulator: Simulator, on_step: Callable[[Simulator], None] | None = None) -> None:
-    """Step ``simulator`` to its end, every robot carrying ``policy``; ``on_step`` is called after each step."""
+    """Step ``simulator`` to its end, every robot by ``policy``; ``on_step`` is called after each step."""
     run(simulator, partial(_decide, policy), on_step)
+
+
+def _plan_by_policy(policy: Policy, _: Sequence[SolvedCase], __: Simulator) -> Decide:
+    return partial(_decide, policy)
 
 
 def _decide(policy: Policy, observation: Observation) -> Actions:

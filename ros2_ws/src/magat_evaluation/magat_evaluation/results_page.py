@@ -1,27 +1,38 @@
-"""``magat results``: studies of the policies, measured, drawn and written to one page."""
+"""The page of results: measures the studies, draws their pictures, and fills in the page's template."""
 
+import re
 from collections.abc import Sequence
+from importlib.resources import files
 from pathlib import Path
+from string import Template
 
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
-from magat_evaluation.measures_file import Report, markdown_table
-from magat_evaluation.paper import beside_paper
-from magat_evaluation.points import measured, read_csv, write_csv
+from magat_evaluation.paper import AIM_ALPHA, AIM_ALPHA_LARGE, AIM_DELTA_FT, aims_table, claims_table
+from magat_evaluation.report import Report
+from magat_evaluation.report_files import read_csv
 from magat_evaluation.sets import TEST_SETS
-from magat_evaluation.studies.studies import Study
+from magat_evaluation.splits import SET_SEED, SPLITS
+from magat_evaluation.studies.study import Study
 
 PAGE = "results.md"
+TEMPLATE = "results_template.md"
 
 
-def results(studies: Sequence[Study], wanted: Sequence[str], output: Path, console: Console, workers: int = 1) -> Path:
-    """Measure what is missing, and write the page.
+class _Page(Template):
+    """A text with placeholders such as ``$link_loss`` and ``${same-density}``."""
+
+    idpattern = r"(?a:[_a-z][_a-z0-9-]*)"
+
+
+def write_results(
+    studies: Sequence[Study], names: Sequence[str], output: Path, console: Console, workers: int = 1
+) -> Path:
+    """Measure what is missing, and write the page with its pictures.
 
     Args:
-        studies: in the order of the page.
-        wanted: names of those to be measured; of the others, the page has what was measured before.
+        studies: those of the page.
+        names: of the studies to measure; of the others, the page shows what was measured before.
         output: folder for the page, pictures and files.
         console: shows the progress.
         workers: processes.
@@ -32,51 +43,44 @@ def results(studies: Sequence[Study], wanted: Sequence[str], output: Path, conso
     Raises:
         InvalidCaseError: a set has no cases that can be drawn and solved.
         ModelError: a policy cannot be used.
+        ReportFileError: a file of reports cannot be read.
     """
     output.mkdir(parents=True, exist_ok=True)
-    parts, of_paper = [], []
-    files = [output / f"{study.name}.csv" for study in studies]
-    for study, path in zip(studies, files, strict=True):
-        if study.name in wanted:
-            reports = measured(study.points, path, console, workers, study.title, files)
-        else:
-            reports = read_csv(path)
-        if not reports:
-            continue
-        write_csv(reports, path)  # without what is not of the study any more
-        parts += [f"## {study.title}", study.text]
-        for picture in study.pictures:
-            name = f"{study.name}{picture.suffix}.png"
-            picture.draw(reports, output / name)
-            parts.append(f"![{picture.title}]({name})")
-        heading, *rows = study.rows(reports)
-        parts.append(markdown_table(heading, rows))
+    all_files = [study.file(output) for study in studies]
+    shown: dict[str, str] = {}
+    of_paper: list[Report] = []
+    for study in studies:
+        if study.name in names:
+            study.measure(output, console, workers, all_files)
+        reports = read_csv(study.file(output))
+        shown[study.name] = study.markdown(reports) if reports else ""
+        if reports:
+            study.draw(reports, output)
         if study.name in TEST_SETS:
             of_paper += reports
-        parts.append(f"All measures, with the digests of the weights: [{study.name}.csv]({study.name}.csv).")
     page = output / PAGE
-    page.write_text("\n\n".join([_HEAD, *beside_paper(of_paper), *parts]) + "\n")
+    page.write_text(_fill_in(files("magat_evaluation").joinpath(TEMPLATE).read_text(), studies, shown, of_paper))
     return page
 
 
-_HEAD = """# Results
-
-This page, its pictures and its tables are written by `make results` (`magat results`), which measures what is not yet
-in the files beside them, or was of other weights. Cases are the first of the test split (seed 2021, from number
-25500), which no policy was trained or chosen on (but the two numbers of the shield pibt-memory were, on cases 25506 and
-25526 of 50x50 with 100 robots); the shield is idle where nothing else is said, and each policy samples
-at its own temperature. Intervals are of 95 % (Wilson for rates). For one point alone there is `magat evaluate`.
-
-A study is measured by `magat results --study NAME --policy NAMES`, those of the test sets here with `--cases 200`: the
-sets have more, and `make results` alone would measure all of them, of all policies."""
-
-
-def table(study: Study, reports: Sequence[Report]) -> Table:
-    """The reports of ``study``, of as many of its points as there are, for people."""
-    heading, *rows = study.rows(reports)
-    result = Table(title=study.title, title_justify="left", box=None, pad_edge=False)
-    for name in heading:
-        result.add_column(name)
-    for row in rows:
-        result.add_row(*map(escape, row))
-    return result
+def _fill_in(template: str, studies: Sequence[Study], shown: dict[str, str], of_paper: Sequence[Report]) -> str:
+    """The page: sections of ``template`` that have something to show, then those of studies that it does not have."""
+    values = {
+        "seed": str(SET_SEED),
+        "first_case": str(SPLITS["test"].start),
+        "aim_alpha": f"{AIM_ALPHA:g}",
+        "aim_delta_ft": f"{AIM_DELTA_FT:g}",
+        "aim_alpha_large": f"{AIM_ALPHA_LARGE:g}",
+        "claims": claims_table(of_paper),
+        "aims": aims_table(of_paper),
+        **shown,
+    }
+    sections = []
+    for section in re.split(r"^(?=#)", template, flags=re.MULTILINE)[1:]:
+        names = _Page(section).get_identifiers()
+        if all(values.get(name) for name in names):
+            sections.append(_Page(section).substitute(values).strip())
+    described = _Page(template).get_identifiers()
+    sections += [f"## {study.title}\n\n{shown[study.name]}" for study in studies
+                 if study.name not in described and shown[study.name]]  # fmt: skip
+    return "\n\n".join(sections) + "\n"

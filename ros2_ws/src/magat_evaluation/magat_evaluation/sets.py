@@ -1,38 +1,76 @@
-"""Sets of cases with a name: what policies are tested on."""
+"""Sets of cases that policies are evaluated on. Quick to import."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from magat_evaluation.splits import EXPERT_W
+from magat_evaluation.splits import EXPERT_W, SET_SEED, SPLITS
+from magat_node.errors import MagatError
+
+
+def set_name(width: int, height: int, robots: int) -> str:
+    """The name of a set of cases in tables: cells and robots, e.g. 20x20 (10)."""
+    return f"{width}x{height} ({robots})"
 
 
 @dataclass(frozen=True)
-class StandardSet:
-    """The first cases of the test split (its numbers and the default seed), on square maps of one size."""
+class CaseSet:
+    """The first cases of a split, drawn on maps of one size.
 
-    side: int
+    Raises:
+        MagatError: the split has fewer cases.
+    """
+
+    #: Of the maps, cells.
+    width: int
+    height: int
     robots: int
+    #: How many cases.
     cases: int
+    #: Share of obstacle cells.
     density: float = 0.1
     #: The expert's suboptimality bound.
     expert_w: float = EXPERT_W
+    #: One of `SPLITS`.
+    split: str = "test"
+    #: Of the cases, and of the random streams of an evaluation.
+    seed: int = SET_SEED
+
+    def __post_init__(self) -> None:
+        """Check the number of cases."""
+        most = len(SPLITS[self.split])
+        if self.cases > most:
+            raise MagatError(f"the split {self.split} has {most} cases, not {self.cases}: ask for fewer")
+
+    @classmethod
+    def square(cls, side: int, robots: int, cases: int, **more: Any) -> "CaseSet":
+        """A set on square maps."""
+        return cls(side, side, robots, cases, **more)
+
+    @property
+    def numbers(self) -> range:
+        """Numbers of the cases."""
+        return SPLITS[self.split][: self.cases]
+
+    @property
+    def name(self) -> str:
+        """Cells and robots, e.g. 20x20 (10)."""
+        return set_name(self.width, self.height, self.robots)
 
     @property
     def size(self) -> dict[str, Any]:
-        """Width, height, robots, density and the expert's bound, as `evaluation.evaluate_policy` takes them."""
-        square = {"width": self.side, "height": self.side}
-        return square | {"robots": self.robots, "density": self.density, "expert_w": self.expert_w}
+        """Width, height, robots, density and the expert's bound, as `solved_cases` takes them."""
+        return {name: getattr(self, name) for name in ("width", "height", "robots", "density", "expert_w")}
 
 
 #: The paper's test sets, by name.
-TEST_SETS: Mapping[str, Sequence[StandardSet]] = {
+TEST_SETS: Mapping[str, Sequence[CaseSet]] = {
     "same-density": [
-        StandardSet(side, robots, 1000)
+        CaseSet.square(side, robots, 1000)
         for side, robots in ((20, 10), (28, 20), (35, 30), (40, 40), (45, 50), (50, 60), (65, 100))
     ],
-    "increasing-density": [StandardSet(50, robots, 1000) for robots in (10, 20, 30, 40, 50, 60, 100)],
-    "large": [StandardSet(side, robots, 50, expert_w=5.0) for side, robots in ((100, 500), (200, 500), (200, 1000))],
+    "increasing-density": [CaseSet.square(50, robots, 1000) for robots in (10, 20, 30, 40, 50, 60, 100)],
+    "large": [CaseSet.square(side, robots, 50, expert_w=5.0) for side, robots in ((100, 500), (200, 500), (200, 1000))],
 }
-#: What a policy's own measures are of.
-STANDARD_SETS = (StandardSet(20, 10, 1000), StandardSet(50, 60, 200), StandardSet(65, 100, 100))
+#: The sets of `magat measure`.
+STANDARD_SETS = (CaseSet.square(20, 10, 1000), CaseSet.square(50, 60, 200), CaseSet.square(65, 100, 100))

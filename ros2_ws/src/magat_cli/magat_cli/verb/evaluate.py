@@ -1,17 +1,17 @@
-"""Score a policy or a baseline on many cases, in one process."""
+"""Measure a policy or a baseline on many cases, in the batched simulator."""
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from magat_cli.options import Options, add_policy, add_size, add_world, case_numbers, positive, size_of
+from magat_cli.options import Options, add_policy, add_size, add_world, positive, size_of
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from magat_evaluation.evaluate import Setting
+    from magat_evaluation.candidates import Candidate
 
-#: Of each evaluation that names no number of cases.
+#: Default number of drawn cases.
 CASES = 300
 
 
@@ -20,19 +20,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from magat_evaluation.sets import TEST_SETS
     from magat_evaluation.splits import SPLITS
 
-    parser.epilog = "instead of a policy: HCA, Replan or PIBT, which plan without learning"
-    parser.add_argument("--cases", type=positive, help=f"how many (default: {CASES}, or all cases of a set)")
+    parser.epilog = "--policy also takes the baselines HCA, Replan and PIBT, which plan without learning"
+    parser.add_argument("--cases", type=positive, help=f"number of cases (default: {CASES}, or all cases of a set)")
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--split", choices=sorted(SPLITS), default="test", help="of drawn cases (default: test)")
     which.add_argument("--map", type=Path, metavar="FILE", help="MovingAI's .map, with --scen, instead of drawn cases")
     which.add_argument(
         "--set",
         choices=TEST_SETS,
-        help="one of the paper's test sets; results are kept in runs/sets: run again to resume",
+        help="one of the paper's test sets; reports are kept in runs/sets: run again to resume",
     )
     parser.add_argument("--workers", type=positive, default=1, help="processes (default: 1)")
     parser.add_argument("--temperature", type=float, help="sampling temperature (default: the policy's own)")
-    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    parser.add_argument(
+        "--json", action="store_true", help="print JSON and nothing else: an object, or a list with --set"
+    )
     add_world(parser)
     add_policy(parser)
     add_size(parser)
@@ -44,70 +46,52 @@ def main(options: Options, console: "Console") -> int:
 
     from magat_cli.output import print_json
     from magat_evaluation.baselines import BASELINES
-    from magat_evaluation.evaluate import (
-        Contender,
-        Setting,
-        evaluate_baseline,
-        evaluate_policy,
-        evaluate_scenarios,
-        table,
-    )
+    from magat_evaluation.candidates import Candidate, Setting
+    from magat_evaluation.evaluate import evaluate_candidate, evaluate_scenarios, table
+    from magat_evaluation.sets import CaseSet
     from magat_robot.policy.models import find_policy
     from magat_sim.scenarios import Scenarios
     from magat_sim.simulator import Rules
 
-    baseline = options.policy in BASELINES
-    if baseline:
+    if options.policy in BASELINES:
         options.without_effect(f"the baseline {options.policy}", "shield", "link_loss", "temperature", "encoding")
-    setting = Setting(options.temperature, options.encoding, Rules(options.link_loss, options.shield))
+        candidate = Candidate.of_baseline(options.policy)
+    else:
+        folder = find_policy(options.policy)
+        rules = Rules(options.link_loss, options.shield)
+        setting = Setting(options.temperature, options.encoding, rules)
+        candidate = Candidate.of_policy(folder, setting, folder.name if options.set else "")
     if options.set:
-        unused = ("seed", "robots", "width", "height", "density", "scen")
-        options.without_effect("--set", *unused)
-        return _evaluate_set(options, setting, console)
-    last = (console, options.workers)
+        options.without_effect("--set", "seed", "robots", "width", "height", "density", "scen")
+        return _evaluate_set(options, candidate, console)
     if options.map or options.scen:
         options.without_effect("--map and --scen", "width", "height", "density", "cases", "split")
         scenarios = Scenarios.read(options.map, options.scen, options.robots)
-        contender = (
-            Contender.of_baseline(options.policy)
-            if baseline
-            else Contender.of_policy(find_policy(options.policy), setting)
-        )
-        report = evaluate_scenarios(contender, scenarios, options.seed, *last)
+        report = evaluate_scenarios(candidate, scenarios, options.seed, console, options.workers)
     else:
-        numbers = case_numbers(options.split, options.cases or CASES)
-        size: dict[str, Any] = size_of(options)
-        if baseline:
-            report = evaluate_baseline(options.policy, numbers, options.seed, size, *last)
-        else:
-            report = evaluate_policy(find_policy(options.policy), numbers, options.seed, setting, size, *last)
+        cases = CaseSet(**size_of(options), cases=options.cases or CASES, split=options.split, seed=options.seed)
+        report = evaluate_candidate(candidate, cases, console, options.workers)
     if options.json:
-        print_json(report)
+        print_json(report.to_json())
     else:
         Console().print(table(report))
     return 0
 
 
-def _evaluate_set(options: Options, setting: "Setting", console: "Console") -> int:
+def _evaluate_set(options: Options, candidate: "Candidate", console: "Console") -> int:
     from rich.console import Console
 
     from magat_cli.output import print_json
-    from magat_evaluation.baselines import BASELINES
-    from magat_evaluation.points import measured
-    from magat_evaluation.results_page import table
-    from magat_evaluation.studies.studies import test_set, with_cases
-    from magat_robot.policy.models import find_policy
+    from magat_evaluation.points import measure_points
+    from magat_evaluation.studies.test_sets import test_set
 
-    baseline = options.policy in BASELINES
-    folders = [] if baseline else [find_policy(options.policy)]
-    policies = {folder.name: folder for folder in folders}
-    study = test_set(options.set, policies, [setting], [options.policy] if baseline else [])
+    study = test_set(options.set, [candidate])
     if options.cases:
-        study = with_cases(study, options.cases)
-    path = Path("runs/sets") / f"{options.set}.csv"
-    reports = measured(study.points, path, console, options.workers, study.title)
+        study = study.with_cases(options.cases)
+    path = study.file(Path("runs/sets"))
+    reports = measure_points(study.points, path, console, options.workers, study.title)
     if options.json:
-        print_json(reports)
+        print_json([report.to_json() for report in reports])
     else:
-        Console().print(table(study, reports))
+        Console().print(study.table(reports))
     return 0

@@ -1,10 +1,10 @@
-"""Measure success against flowtime, over sampling temperatures."""
+"""Measure success against flowtime over sampling temperatures; run again to resume."""
 
 import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from magat_cli.options import Options, add_policies, add_size, case_numbers, policies_of, positive, size_of
+from magat_cli.options import Options, add_policies, add_size, policies_of, positive, size_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -26,16 +26,13 @@ def main(options: Options, console: "Console") -> int:
     """Run the verb; returns the exit status."""
     from rich.console import Console
 
-    from magat_evaluation.evaluate import Setting
-    from magat_evaluation.studies.frontier import TEMPERATURES, draw, frontier, table
-    from magat_sim.simulator import Rules
+    from magat_evaluation.sets import CaseSet
+    from magat_evaluation.studies.temperatures import TEMPERATURES, frontier
 
-    numbers = case_numbers("valid", options.cases)
-    temperatures = options.temperatures or TEMPERATURES
-    settings = [Setting(one, rules=Rules(shield=shield)) for shield in options.shield for one in temperatures]
-    path = options.output / "frontier.csv"
-    reports = frontier(policies_of(options), settings, numbers, options.seed, size_of(options), path, console)
-    draw(reports, options.output / "frontier.png")
-    Console().print(table(reports))
+    cases = CaseSet(**size_of(options), cases=options.cases, split="valid", seed=options.seed)
+    study = frontier(policies_of(options), options.shield, options.temperatures or TEMPERATURES, cases)
+    reports = study.measure(options.output, console)
+    study.draw(reports, options.output)
+    Console().print(study.table(reports))
     console.print(f"frontier.csv and frontier.png are in {options.output}")
     return 0

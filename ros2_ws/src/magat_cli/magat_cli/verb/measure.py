@@ -1,4 +1,4 @@
-"""Score a policy on the standard sets, and keep the measures in its folder, for `magat models`."""
+"""Measure a policy on the standard sets, and keep the reports in its folder, for `magat models`."""
 
 import argparse
 from typing import TYPE_CHECKING
@@ -22,12 +22,13 @@ def main(options: Options, console: "Console") -> int:
 
     from rich.console import Console
 
-    from magat_evaluation.measures_file import measure, table
+    from magat_evaluation.measures_file import measure
     from magat_evaluation.sets import STANDARD_SETS
+    from magat_evaluation.tables import table
     from magat_robot.policy.models import find_policy
 
-    most = options.cases or max(which.cases for which in STANDARD_SETS)
-    sets = [dataclasses.replace(which, cases=min(which.cases, most)) for which in STANDARD_SETS]
+    most = options.cases or max(cases.cases for cases in STANDARD_SETS)
+    sets = [dataclasses.replace(cases, cases=min(cases.cases, most)) for cases in STANDARD_SETS]
     reports = measure(find_policy(options.policy), sets, console, options.temperature)
-    Console().print(table((options.policy, report["digest"], report) for report in reports))
+    Console().print(table((options.policy, report.digest, report) for report in reports))
     return 0

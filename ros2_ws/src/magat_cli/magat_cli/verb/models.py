@@ -1,4 +1,4 @@
-"""List the policies in models/: what they are, and how good."""
+"""List the policies in models/ with their measures."""
 
 import argparse
 from typing import TYPE_CHECKING
@@ -19,12 +19,12 @@ def main(options: Options, console: "Console") -> int:
     from rich.console import Console
 
     from magat_cli.output import print_json
-    from magat_evaluation.listing import describe, listing
+    from magat_evaluation.listing import UnusablePolicy, describe, listing
     from magat_robot.policy.models import all_policies
 
     policies = [describe(name, folder) for name, folder in all_policies().items()]
     if options.json:
-        print_json(policies)
+        print_json([policy.to_json() for policy in policies])
     else:
         Console().print(listing(policies))
-    return int(any(policy["error"] is not None for policy in policies))
+    return int(any(isinstance(policy, UnusablePolicy) for policy in policies))

@@ -13,25 +13,32 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The verb's options."""
     add_policies(parser)
-    parser.add_argument("--study", nargs="+", metavar="NAME", help="what to measure (default: all studies)")
+    parser.add_argument("--study", nargs="+", metavar="NAME", help="studies to measure (default: all)")
     parser.add_argument("--cases", type=positive, metavar="N", help="at most N of each set (default: all)")
     parser.add_argument("--workers", type=positive, default=1, help="processes (default: 1)")
     parser.add_argument("--output", type=Path, default=Path("docs"), help="folder of the page (default: docs)")
+    parser.add_argument(
+        "--no-measure", action="store_true", help="measure nothing: write the page again from its CSV files"
+    )
 
 
 def main(options: Options, console: "Console") -> int:
     """Run the verb; returns the exit status."""
-    from magat_evaluation.results_page import results
-    from magat_evaluation.studies.studies import STUDIES, with_cases
+    from magat_evaluation.results_page import write_results
+    from magat_evaluation.studies.study import all_studies
     from magat_node.errors import MagatError
 
-    unknown = [name for name in options.study or () if name not in STUDIES]
+    known = all_studies()
+    unknown = [name for name in options.study or () if name not in known]
     if unknown:
-        raise MagatError(f"there is no study {unknown[0]!r}: it is one of {', '.join(STUDIES)}")
+        raise MagatError(f"there is no study {unknown[0]!r}: it is one of {', '.join(known)}")
+    if options.no_measure:
+        options.without_effect("--no-measure", "study", "policy", "cases", "workers")
     policies = policies_of(options)
-    studies = [study(policies) for study in STUDIES.values()]
+    studies = [make(policies) for make in known.values()]
     if options.cases:
-        studies = [with_cases(study, options.cases) for study in studies]
-    page = results(studies, options.study or list(STUDIES), options.output, console, options.workers)
+        studies = [study.with_cases(options.cases) for study in studies]
+    names = [] if options.no_measure else options.study or list(known)
+    page = write_results(studies, names, options.output, console, options.workers)
     console.print(f"{page}, its pictures and files are in {options.output}")
     return 0

@@ -1,1 +1,4 @@
-"""Studies of the policies: what is measured for the page of results, and how it is shown."""
+"""Studies: what is measured for the page of results. A module of this package for each, or for each kind.
+
+A module registers its studies with `magat_evaluation.studies.study.register`.
+"""

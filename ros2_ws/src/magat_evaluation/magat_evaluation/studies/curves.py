@@ -11,20 +11,22 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, PercentFormatter, ScalarFormatter
 
-from magat_evaluation.evaluate import set_name
-from magat_evaluation.measures_file import Report, half_width
+from magat_evaluation.report import Report
+from magat_evaluation.sets import CaseSet
 from magat_pictures.colours import INK, robot_colour, tint
 
-# Lines are told apart by these where there is no colour.
+# Lines differ by these in print without colour.
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 DASHES = ("-", "--", "-.", ":")
 #: Groups of bars in a histogram at most; where there are more numbers of robots, some share one.
 GROUPS = 16
+#: What curves are measured on.
+CURVE_SETS = (CaseSet.square(20, 10, 400), CaseSet.square(50, 60, 200))
 
 
 @dataclass(frozen=True)
 class Measure:
-    """What the vertical axis of curves says."""
+    """The vertical axis of curves."""
 
     label: str
     value: Callable[[Report], float]
@@ -33,38 +35,41 @@ class Measure:
 
 
 def alpha_errors(report: Report) -> tuple[float, float]:
-    """How far alpha's interval reaches below and above it; not below 0, whatever rounding did."""
-    low, high = report["alpha_interval"]
-    return max(0.0, report["alpha"] - low), max(0.0, high - report["alpha"])
+    """How far alpha's interval reaches below and above it; at least 0 in spite of rounding."""
+    low, high = report.alpha_interval
+    return max(0.0, report.alpha - low), max(0.0, high - report.alpha)
 
 
-ALPHA = Measure(r"$\alpha$", lambda report: report["alpha"], alpha_errors)
-DELTA_FT = Measure(r"$\delta_{FT}$", lambda report: report["delta_ft"], lambda report: (half_width(report),) * 2)
-P_RG = Measure(r"$p_{rg}$", lambda report: report["p_rg"], lambda _: (0.0, 0.0))
+ALPHA = Measure(r"$\alpha$", lambda report: report.alpha, alpha_errors)
+DELTA_FT = Measure(r"$\delta_{FT}$", lambda report: report.delta_ft, lambda report: (report.delta_ft_error,) * 2)
+P_RG = Measure(r"$p_{rg}$", lambda report: report.p_rg, lambda _: (0.0, 0.0))
 
 
 @dataclass(frozen=True)
 class Across:
-    """What the horizontal axis of curves says."""
+    """The horizontal axis of curves."""
 
     label: str
     value: Callable[[Report], float]
     log: bool = False
-    #: What stands at 0, 1, ... if the values are places of these.
+    #: Labels at 0, 1, ... if the values are indices.
     names: Sequence[str] = ()
 
 
 def draw_curves(
     reports: Sequence[Report], column: Callable[[Report], str], across: Across, measures: Sequence[Measure], path: Path
 ) -> None:
-    """Draw ``measures``, from above, into the PNG file ``path``: a line a policy, a picture a ``column``."""
+    """Draw ``measures``, from top to bottom, into the PNG file ``path``.
+
+    There is a line for each policy, and a column of pictures for each value of ``column``.
+    """
     titles = list(dict.fromkeys(map(column, reports)))
     figure = Figure(figsize=(4.6 * len(titles), 0.6 + 2.9 * len(measures)), facecolor="white", layout="constrained")
     grid = figure.subplots(len(measures), len(titles), sharex=True, sharey="row", squeeze=False)
     for (row, column_number), axes in np.ndenumerate(grid):
         measure, title = measures[row], titles[column_number]
         for number, policy in enumerate(_policies(reports)):
-            points = sorted((r for r in reports if (column(r), r["policy"]) == (title, policy)), key=across.value)
+            points = sorted((r for r in reports if (column(r), r.policy) == (title, policy)), key=across.value)
             if points:
                 _line(axes, number, points, across, measure)
         _tidy(axes)
@@ -90,31 +95,37 @@ def _line(axes: Axes, number: int, points: Sequence[Report], across: Across, mea
         yerr=np.transpose([measure.errors(point) for point in points]),
         color=colour, ecolor=tint(colour, 0.45), elinewidth=0.9, capsize=2.0, linewidth=1.4, markersize=6.0,
         linestyle=DASHES[number % len(DASHES)], marker=MARKERS[number % len(MARKERS)],
-        label=_plain(points[0]["policy"]),
+        label=_plain(points[0].policy),
     )  # fmt: skip
 
 
-def draw_arrivals(reports: Sequence[Report], path: Path) -> None:
-    """Draw into the PNG file ``path`` in how many cases how many robots reached their goals.
+def set_and_cases(report: Report) -> str:
+    """The title of a column of curves, e.g. 20x20 (10), 400 cases."""
+    return f"{report.set_name}, {report.cases} cases"
 
-    A column of pictures a set, a row a shield, a colour a policy. Reports that do not say it are left out.
+
+def draw_arrivals(reports: Sequence[Report], path: Path) -> None:
+    """Draw histograms of how many robots reached their goals into the PNG file ``path``.
+
+    There is a column of pictures for each set, a row for each shield, and a colour for each policy. Reports without
+    these numbers are left out.
     """
-    told = [report for report in reports if report["stranded"]]
-    sets, shields = (list(dict.fromkeys(map(key, told))) for key in (set_name, lambda report: report["shield"]))
+    kept = [report for report in reports if report.stranded]
+    sets, shields = (list(dict.fromkeys(getattr(report, name) for report in kept)) for name in ("set_name", "shield"))
     figure = Figure(figsize=(4.6 * len(sets), 0.6 + 2.9 * len(shields)), facecolor="white", layout="constrained")
     grid = figure.subplots(len(shields), len(sets), sharex="col", sharey=True, squeeze=False)
-    policies = _policies(told)
+    policies = _policies(kept)
     for (row, column), axes in np.ndenumerate(grid):
-        here = [r for r in told if set_name(r) == sets[column]]
-        width = -(-(max(max(r["stranded"]) for r in here) + 1) // GROUPS)  # robots a group of bars, from the right
+        here = [r for r in kept if r.set_name == sets[column]]
+        width = -(-(max(max(r.stranded) for r in here) + 1) // GROUPS)  # robots per group of bars
         for report in here:
-            if report["shield"] == shields[row]:
+            if report.shield == shields[row]:
                 _bars(axes, report, width, policies)
         _tidy(axes)
         axes.yaxis.set_major_formatter(PercentFormatter(1.0))
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         if row == 0:
-            axes.set_title(f"{sets[column]}, {here[0]['cases']} cases", loc="left", fontsize=10)
+            axes.set_title(f"{sets[column]}, {here[0].cases} cases", loc="left", fontsize=10)
         if column == 0:
             axes.set_ylabel(f"cases, {shields[row]} shield")
     for axes in grid[-1]:
@@ -124,25 +135,25 @@ def draw_arrivals(reports: Sequence[Report], path: Path) -> None:
 
 
 def _bars(axes: Axes, report: Report, width: int, policies: Sequence[str]) -> None:
-    """One colour of a histogram whose groups of bars are of ``width`` numbers of robots each, from all downwards."""
+    """The bars of one policy. A group of bars covers ``width`` numbers of robots, counted downwards from all robots."""
     groups: Counter[int] = Counter()
-    for stranded, cases in report["stranded"].items():
+    for stranded, cases in report.stranded.items():
         groups[stranded // width] += cases
-    number = policies.index(report["policy"])
+    number = policies.index(report.policy)
     thin = 0.8 * width / len(policies)
-    middle = report["robots"] - width * np.array(list(groups)) - (width - 1) / 2
+    middle = report.robots - width * np.array(list(groups)) - (width - 1) / 2
     axes.bar(
-        middle + (number + 0.5) * thin - 0.4 * width, np.array(list(groups.values())) / report["cases"], thin,
-        color=robot_colour(number), label=_plain(report["policy"]),
+        middle + (number + 0.5) * thin - 0.4 * width, np.array(list(groups.values())) / report.cases, thin,
+        color=robot_colour(number), label=_plain(report.policy),
     )  # fmt: skip
 
 
 def _policies(reports: Sequence[Report]) -> list[str]:
-    return list(dict.fromkeys(report["policy"] for report in reports))
+    return list(dict.fromkeys(report.policy for report in reports))
 
 
 def _plain(name: str) -> str:
-    """``name`` without formulas."""
+    """``name``, with dollar signs escaped for matplotlib."""
     return name.replace("$", r"\$")
 
 
@@ -153,7 +164,7 @@ def _tidy(axes: Axes) -> None:
 
 
 def legend(figure: Figure) -> None:
-    """One entry a policy, in whatever pictures of ``figure`` it is."""
+    """Add a legend to ``figure`` with one entry for each policy."""
     entries: dict[str, Any] = {}
     for axes in figure.axes:
         handles, labels = axes.get_legend_handles_labels()

@@ -3,6 +3,7 @@
 import csv
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,36 +14,40 @@ from PIL import Image
 from rich.console import Console
 
 from magat_cli import main as cli
-from magat_evaluation.evaluate import Setting, evaluate_policy
-from magat_evaluation.report_files import write_csv
-from magat_evaluation.splits import SET_SEED, SPLITS
-from magat_evaluation.studies import frontier
+from magat_evaluation import points
+from magat_evaluation.candidates import Candidate, Setting
+from magat_evaluation.evaluate import evaluate_candidate
+from magat_evaluation.report import Report
+from magat_evaluation.report_files import read_csv, write_csv
+from magat_evaluation.sets import CaseSet
+from magat_evaluation.splits import SPLITS
+from magat_evaluation.studies import temperatures
+from magat_evaluation.studies.temperatures import frontier
 from magat_robot.policy import models
 from magat_robot.policy.config import ModelError
 from magat_robot.policy.store import WEIGHTS, save
 from magat_sim.shield import SHIELDS
 from magat_sim.simulator import Rules
 
-SIZE = {"width": 8, "height": 8, "robots": 3, "density": 0.1}
+CASES = CaseSet.square(8, 3, 4, split="valid")
 QUIET = Console(quiet=True)
 
 
-def point(temperature: float, alpha: float, delta_ft: float, **changes: Any) -> dict[str, Any]:
-    return {
-        "temperature": temperature, "alpha": alpha, "alpha_interval": (alpha - 0.1, min(1.0, alpha + 0.02)),
-        "delta_ft": delta_ft, "delta_ft_half_width": 0.01, "p_rg": 0.9, "alpha_strict": 0.8, "delta_ft_strict": 0.3,
-        "cases": 300, "unsolved_by_expert": 0, **SIZE, "seed": 1, "first_case": 21000, "shield": "idle",
-        "encoding": "float32", "link_loss": 0.0, "digest": "ab" * 32, "bytes_per_step": 548, "makespan": 20.0,
-        "moves_blocked": 1.5, "stranded": {0: 270, 2: 30},
-    } | changes  # fmt: skip
+def point(temperature: float, alpha: float, delta_ft: float, **changes: Any) -> Report:
+    values = {
+        "policy": "a", "temperature": temperature, "alpha": alpha,
+        "alpha_interval": (alpha - 0.1, min(1.0, alpha + 0.02)), "alpha_strict": 0.8,
+        "alpha_strict_interval": (0.7, 0.9), "delta_ft": delta_ft, "delta_ft_half_width": 0.01, "p_rg": 0.9,
+        "delta_ft_strict": 0.3, "cases": 300, "unsolved_by_expert": 0, "width": 8, "height": 8, "robots": 3,
+        "density": 0.1, "expert_w": 1.1, "generator_version": 1, "seed": 1, "first_case": 21000, "shield": "idle",
+        "shield_version": 1, "encoding": "float32", "link_loss": 0.0, "digest": "ab" * 32, "bytes_per_step": 548,
+        "makespan": 20.0, "moves_blocked": 1.5, "stranded": {0: 270, 2: 30},
+    }  # fmt: skip
+    return Report(**values | changes)
 
 
-def settings(*temperatures: float, shields: tuple[str, ...] = ("idle",)) -> list[Setting]:
-    return [Setting(one, rules=Rules(shield=shield)) for shield in shields for one in temperatures]
-
-
-def line(policy: str, *points: dict[str, Any]) -> list[dict[str, Any]]:
-    return [one | {"policy": policy} for one in points]
+def line(policy: str, *points: Report) -> list[Report]:
+    return [replace(one, policy=policy) for one in points]
 
 
 def shades(path: Path) -> np.ndarray:
@@ -53,56 +58,50 @@ def shades(path: Path) -> np.ndarray:
 
 
 def test_each_point_is_an_evaluation_at_its_temperature(policies: dict[str, Path], tmp_path: Path) -> None:
-    numbers = SPLITS["valid"][:4]
-    asked = settings(3.0, 0.5, 3.0, shields=("pibt", "idle"))
-    found = frontier.frontier(policies, asked, numbers, SET_SEED, SIZE, tmp_path / "new" / "a.csv", QUIET)
+    study = frontier(policies, ("pibt", "idle"), (3.0, 0.5, 3.0), CASES)
+    found = study.measure(tmp_path / "new", QUIET)
     each = [(name, shield, one) for name in policies for shield in ("idle", "pibt") for one in (0.5, 3.0)]
-    assert [(one["policy"], one["shield"], one["temperature"]) for one in found] == each, "in order, each once"
+    assert [(one.policy, one.shield, one.temperature) for one in found] == each, "in order, each once"
     for one in found:
-        setting = Setting(one["temperature"], rules=Rules(shield=one["shield"]))
-        alone = evaluate_policy(policies[one["policy"]], numbers, SET_SEED, setting, SIZE, QUIET)
-        assert one | {"seconds": 0} == alone | {"seconds": 0, "policy": one["policy"]}
-    assert len({one["digest"] for one in found}) == 2
+        setting = Setting(one.temperature, rules=Rules(shield=one.shield))
+        alone = evaluate_candidate(Candidate.of_policy(policies[one.policy], setting, one.policy), CASES, QUIET)
+        assert one == replace(alone, seconds=None)
+    assert len({one.digest for one in found}) == 2
 
 
 def test_what_was_measured_before_is_kept(
     policies: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, random_network: Callable
 ) -> None:
-    last = (SPLITS["valid"][:4], SET_SEED, SIZE, tmp_path / "a.csv", QUIET)
-    before = frontier.frontier(policies, settings(0.5, 1.0), *last)
-    measured: list[Setting] = []
+    def measure(*shields: str) -> list[Report]:
+        return frontier(policies, shields, (0.5, 1.0), CASES).measure(tmp_path, QUIET)
 
-    def measure(folder: Path, numbers: Any, seed: int, setting: Setting, *rest: Any) -> dict:
-        measured.append(setting)
-        return evaluate_policy(folder, numbers, seed, setting, *rest)
+    before = measure("idle")
+    measured: list[Candidate] = []
 
-    monkeypatch.setattr(frontier, "evaluate_policy", measure)
-    both = frontier.frontier(policies, settings(0.5, 1.0, shields=("idle", "pibt")), *last)
-    assert [setting.rules.shield for setting in measured] == ["pibt"] * 4
-    assert [one["alpha"] for one in both if one["shield"] == "idle"] == [one["alpha"] for one in before]
+    def evaluate(candidate: Candidate, *rest: Any) -> Report:
+        measured.append(candidate)
+        return evaluate_candidate(candidate, *rest)
+
+    monkeypatch.setattr(points, "evaluate_candidate", evaluate)
+    both = measure("idle", "pibt")
+    assert [candidate.rules.shield for candidate in measured] == ["pibt"] * 4
+    assert [one for one in both if one.shield == "idle"] == before
     save(random_network("MAGAT-F-16", seed=5), policies["second"], "# card\n")
-    frontier.frontier(policies, settings(0.5, 1.0), *last)
+    measure("idle")
     assert len(measured) == 4 + 2, "of the weights that have changed"
+    assert len(read_csv(tmp_path / "frontier.csv")) == 4, "the file holds nothing else"
 
 
 @pytest.mark.parametrize("wrong", [0.0, -1.0, 101.0, math.nan, math.inf])
-def test_a_temperature_out_of_range_is_refused_before_any_work(
-    policies: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, wrong: float
-) -> None:
-    monkeypatch.setattr(frontier, "evaluate_policy", lambda *_: pytest.fail("too late"))
+def test_a_temperature_out_of_range_is_refused_before_any_work(policies: dict[str, Path], wrong: float) -> None:
     with pytest.raises(ModelError, match=f"temperature {wrong} is not within"):
-        frontier.frontier(
-            policies, settings(1.0, wrong), SPLITS["valid"][:4], SET_SEED, SIZE, tmp_path / "a.csv", QUIET
-        )
+        frontier(policies, ["idle"], (1.0, wrong), CASES)
 
 
-def test_a_damaged_policy_is_refused_before_any_work(
-    policies: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(frontier, "evaluate_policy", lambda *_: pytest.fail("too late"))
+def test_a_damaged_policy_is_refused_before_any_work(policies: dict[str, Path]) -> None:
     (policies["second"] / WEIGHTS).write_bytes(b"")
     with pytest.raises(ModelError, match=r"second.* is damaged"):
-        frontier.frontier(policies, settings(1.0), SPLITS["valid"][:4], SET_SEED, SIZE, tmp_path / "a.csv", QUIET)
+        frontier(policies, ["idle"], [1.0], CASES)
 
 
 def test_the_file_holds_a_row_a_point(tmp_path: Path) -> None:
@@ -118,28 +117,29 @@ def test_the_file_holds_a_row_a_point(tmp_path: Path) -> None:
     assert all(None not in row and None not in row.values() and "" not in row.values() for row in rows)
 
 
-def test_the_table_says_what_reaches_the_target() -> None:
+def test_the_table_says_what_reaches_the_target(policies: dict[str, Path]) -> None:
+    study = frontier(policies, ["idle"], [1.0], CASES)
     reports = line("a", point(0.5, 0.969, 0.05), point(1.0, 0.97, 0.08), point(2.0, 1.0, 0.081))
-    console = Console(width=80)
+    console = Console(width=100)
     with console.capture() as capture:
-        console.print(frontier.table(reports))
+        console.print(study.table(reports))
     lines = capture.get().splitlines()
-    assert "300 cases of 8x8 (3)" in lines[0]
+    assert "4 cases of 8x8 (3)" in lines[0]
     assert [row.split()[1:3] for row in lines[2:]] == [["idle", "0.5"], ["idle", "1"], ["idle", "2"]]
     assert [row.split()[-1] for row in lines[2:]] == ["missed", "reached", "missed"]
-    assert "0.970  0.870 to 0.990  0.080 ± 0.010  0.9000" in lines[3]
+    assert "0.970 (0.870 to 0.990)  0.080 ± 0.010  0.9000" in lines[3]
 
 
 def test_the_picture_shows_the_points_and_the_target(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     far = line("a", point(0.5, 0.7, 0.3), point(1.0, 0.8, 0.4))
-    frontier.draw(far, tmp_path / "one.png")
+    temperatures.draw(far, tmp_path / "one.png")
     one = shades(tmp_path / "one.png")
     assert min(one.shape) > 500
     assert 0.01 < (one < 240).mean() < 0.3, "ink on white paper"
-    frontier.draw(far[:1], tmp_path / "fewer.png")
-    frontier.draw(far + line("b", point(0.5, 0.75, 0.35)), tmp_path / "more.png")
-    monkeypatch.setattr(frontier, "TARGET_DELTA_FT", 0.2)
-    frontier.draw(far, tmp_path / "wider.png")
+    temperatures.draw(far[:1], tmp_path / "fewer.png")
+    temperatures.draw(far + line("b", point(0.5, 0.75, 0.35)), tmp_path / "more.png")
+    monkeypatch.setattr(temperatures, "TARGET_DELTA_FT", 0.2)
+    temperatures.draw(far, tmp_path / "wider.png")
     for name in ("fewer", "more", "wider"):
         assert (one != shades(tmp_path / f"{name}.png")).any(), name
 
@@ -152,20 +152,20 @@ def test_the_picture_shows_the_points_and_the_target(tmp_path: Path, monkeypatch
 def test_lines_differ_without_colour_by_the_policys_marker_and_style(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, alike: dict[str, tuple], differ: bool
 ) -> None:
-    monkeypatch.setattr(frontier, "robot_colour", lambda _: "#000000")
+    monkeypatch.setattr(temperatures, "robot_colour", lambda _: "#000000")
     monkeypatch.setattr(Figure, "legend", lambda *_, **__: None)  # which names them
     for name, value in ({"_LABELS": (6.0,)} | alike).items():
-        monkeypatch.setattr(frontier, name, value)
+        monkeypatch.setattr(temperatures, name, value)
     here, there = ([point(0.5, 0.7, x), point(1.0, 0.8, x)] for x in (0.1, 0.4))
     for name, (one, other) in {"one": (here, there), "other": (there, here)}.items():
-        frontier.draw(line("a", *one) + line("b", *other), tmp_path / f"{name}.png")
+        temperatures.draw(line("a", *one) + line("b", *other), tmp_path / f"{name}.png")
     assert (shades(tmp_path / "one.png") != shades(tmp_path / "other.png")).any() == differ
 
 
 def test_each_shield_has_a_picture_below_the_others(tmp_path: Path) -> None:
-    idle, pibt = ([point(0.5, 0.7, x) | {"shield": shield}] for x, shield in ((0.1, "idle"), (0.4, "pibt")))
-    frontier.draw(line("a", *idle), tmp_path / "one.png")
-    frontier.draw(line("a", *idle) + line("a", *pibt), tmp_path / "two.png")
+    idle, pibt = ([point(0.5, 0.7, x, shield=shield)] for x, shield in ((0.1, "idle"), (0.4, "pibt")))
+    temperatures.draw(line("a", *idle), tmp_path / "one.png")
+    temperatures.draw(line("a", *idle) + line("a", *pibt), tmp_path / "two.png")
     one, two = shades(tmp_path / "one.png"), shades(tmp_path / "two.png")
     assert two.shape[0] > one.shape[0]
     assert two.shape[1] == one.shape[1]
@@ -173,13 +173,13 @@ def test_each_shield_has_a_picture_below_the_others(tmp_path: Path) -> None:
 
 def test_points_at_the_edge_can_be_drawn(tmp_path: Path) -> None:
     rounded = point(1.0, 1.0, 0.0, alpha_interval=(0.2, 1.0 - 1e-16))
-    frontier.draw(line(r"$\no{formula$", rounded), tmp_path / "edge.png")
+    temperatures.draw(line(r"$\no{formula$", rounded), tmp_path / "edge.png")
     assert (shades(tmp_path / "edge.png") < 128).any()
 
 
 def test_one_case_gives_a_point_without_an_interval(tmp_path: Path) -> None:
-    for name, half in (("none", math.nan), ("zero", 0.0)):
-        frontier.draw(line("a", point(1.0, 1.0, 2.0, delta_ft_half_width=half)), tmp_path / name)
+    for name, half in (("none", None), ("zero", 0.0)):
+        temperatures.draw(line("a", point(1.0, 1.0, 2.0, delta_ft_half_width=half)), tmp_path / name)
     assert (shades(tmp_path / "none") == shades(tmp_path / "zero")).all()
 
 

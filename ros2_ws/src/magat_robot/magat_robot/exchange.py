@@ -47,21 +47,23 @@ class Exchange:
     def receive(self, episode: int, tick: int, number: int, tag: int, payload: bytes) -> bool:
         """Process a message of round ``number``; True if it belongs to the current tick, is audible and is new."""
         if number >= len(self.sizes):
-            return self.drop(f"of round {number}: this policy's rounds are 0 to {len(self.sizes) - 1}")
+            return self.drop(f"a message of round {number}: this policy has rounds 0 to {len(self.sizes) - 1}")
         current = episode == self._episode
         if current and tick < self._tick:
-            return self.drop(f"late: of tick {tick}, after tick {self._tick} began")
+            return self.drop(f"a late message, of tick {tick} after tick {self._tick} began")
         if current and tick > self._tick + EARLY_TICKS:
-            return self.drop(f"far ahead: of tick {tick}, before tick {self._tick + 1} began")
+            return self.drop(f"a message far ahead, of tick {tick} during tick {self._tick}")
         now = current and tick == self._tick
         if now and self._audible is not None and tag not in self._audible:
             return False  # out of radio range, which is no fault
         if len(payload) != self.sizes[number]:
             size = self.sizes[number]
-            return self.drop(f"{len(payload)} bytes, not {size}: does its sender use another policy or encoding?")
+            return self.drop(
+                f"a message of {len(payload)} bytes, not {size}: does its sender use another policy or encoding?"
+            )
         kept = self._kept.setdefault((episode, tick, number), {})
         if tag in kept:
-            return self.drop(f"repeated: a second message under one tag in tick {tick}")
+            return self.drop(f"a repeated message, the second with the same tag in round {number} of tick {tick}")
         if len(kept) >= MOST_MESSAGES:
             return self.drop(f"more than {MOST_MESSAGES} messages in one round of tick {tick}")
         kept[tag] = payload

@@ -124,17 +124,17 @@ class RobotNode(LifecycleNode):
         self._send_status = topics.ROBOT_STATUS.publisher(self, team=team, robots=size)
         self._team_publishers = [self._send_feature, self._send_preference, self._send_status]
         # Callbacks with one argument do not get the middleware's information about the sender.
-        self._listening = [topics.DEPLOYMENT.subscription(self, self._on_deployment, team=team)]
+        self._team_subscriptions = [topics.DEPLOYMENT.subscription(self, self._on_deployment, team=team)]
         if self._radio == "direct":
-            self._listening.append(
+            self._team_subscriptions.append(
                 topics.FEATURE.subscription(self, self._on_feature, team=team, robots=size, raw=True)
             )
         for number, name in enumerate(self.robots):
             observe = functools.partial(self._on_observation, number)
-            self._listening.append(topics.OBSERVATION.subscription(self, observe, robot=name, team=team))
+            self._team_subscriptions.append(topics.OBSERVATION.subscription(self, observe, robot=name, team=team))
             if self._radio == "relayed":
                 hear = functools.partial(self._on_bundle, number)
-                self._listening.append(topics.HEARD.subscription(self, hear, robot=name, team=team, raw=True))
+                self._team_subscriptions.append(topics.HEARD.subscription(self, hear, robot=name, team=team, raw=True))
         self._beat = self.create_timer(HELLO_PERIOD, self._on_beat)
         return TransitionCallbackReturn.SUCCESS
 
@@ -142,7 +142,7 @@ class RobotNode(LifecycleNode):
         """Leave the team: to all others, it is as if the process had ended."""
         for timer in (self._deadline, self._beat):
             self.destroy_timer(timer)
-        for subscription in self._listening:
+        for subscription in self._team_subscriptions:
             self.destroy_subscription(subscription)
         for publisher in self._team_publishers:
             self.destroy_publisher(publisher)
@@ -221,7 +221,7 @@ class RobotNode(LifecycleNode):
             if feature.tag != self._nonce and len(feature.payload) == _COUNT.size:
                 self._peers[feature.tag] = (time.monotonic(), *_COUNT.unpack(feature.payload))
         elif feature.encoding != self._encoding:
-            self._crew.exchange.drop(f"of encoding {feature.encoding}: these robots use {self._encoding}")
+            self._crew.exchange.drop(f"a message of encoding {feature.encoding}: these robots use {self._encoding}")
         else:
             self._crew.hear(Message(feature.episode, feature.tick, feature.round, feature.tag, feature.payload))
 
@@ -230,7 +230,7 @@ class RobotNode(LifecycleNode):
         if bundle is None:
             self._crew.exchange.drop(f"a damaged bundle of {len(data)} bytes")
         elif bundle.encoding != self._encoding:
-            self._crew.exchange.drop(f"of encoding {bundle.encoding}: these robots use {self._encoding}")
+            self._crew.exchange.drop(f"a bundle of encoding {bundle.encoding}: these robots use {self._encoding}")
         else:
             self._crew.hear_bundle(robot, bundle.episode, bundle.tick, bundle.round, bundle.split())
 

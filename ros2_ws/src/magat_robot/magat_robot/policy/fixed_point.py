@@ -2,9 +2,9 @@
 
 A robot computes alone, and a simulator computes thousands of robots at once. Floating-point sums depend on the order
 of their terms, and so on the batch. Such a difference would sometimes change a decision, and two runs of one episode
-would then diverge. Therefore weights and activations of a policy in fixed point are multiples of powers of two, chosen
-so that every sum of products is exact: it stays below 2**24 units in float32 and below 2**53 units in float64. Exact
-sums do not depend on their order. All other operations round a single number once or read a table.
+would then diverge. Therefore weights and activations of a policy in fixed point are multiples of powers of two (the
+grid), chosen so that every sum of products is exact: it stays below 2**24 units in float32 and below 2**53 units in
+float64. Exact sums do not depend on their order. All other operations round a single number once or read a table.
 """
 
 import functools

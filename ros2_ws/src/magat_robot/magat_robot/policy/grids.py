@@ -1,4 +1,4 @@
-"""Units and ranges of the values in fixed point; `fixed_point` explains them. Free of torch."""
+"""The grids of fixed point: units and ranges of values; `fixed_point` explains them. Free of torch."""
 
 #: Activations are multiples of 2**-ACTIVATION_BITS ...
 ACTIVATION_BITS = 6

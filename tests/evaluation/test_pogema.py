@@ -9,7 +9,7 @@ import pytest
 
 from magat_cli.main import main
 from magat_evaluation.cases import solved_cases
-from magat_evaluation.planners import carried, evaluate, simulator_for
+from magat_evaluation.planners import evaluate, policy_planner, simulator_for
 from magat_evaluation.pogema.world import PogemaPolicy, environment, score, world_of
 from magat_evaluation.splits import SET_SEED, SPLITS
 from magat_robot.policy.models import find_policy
@@ -47,7 +47,7 @@ def test_a_team_sees_decides_and_walks_as_here_until_two_want_one_cell() -> None
     policy, steps = load(find_policy("MAGAT-F-128")), 0
     for one in solved_cases(range(6), **SIZE):
         simulator, world = simulator_for([one]), environment(one.case, one.t_max)
-        decide, team = carried(policy, [one], simulator), PogemaPolicy(policy, SET_SEED, one.number)
+        decide, team = policy_planner(policy)([one], simulator), PogemaPolicy(policy, SET_SEED, one.number)
         observations, _ = world.reset()
         while not simulator.done:
             wishes = decide(simulator.observe())

@@ -1,7 +1,7 @@
-"""What plans without learning, in the same simulator and by the same measures as policies.
+"""Baselines: planners without learning, in the same simulator and with the same measures as policies.
 
-HCA and Replan plan whole paths, which the simulator then walks. In PIBT each robot knows the map, and likes best what
-brings it closer to its goal; the shield ``pibt`` does the rest.
+HCA and Replan plan whole paths, which the robots then follow. In PIBT each robot knows the map and ranks its primitives
+by the distance to its goal; the shield ``pibt`` resolves the conflicts.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -20,17 +20,17 @@ from magat_sim.grid import DELTAS, BoolArray, IntArray, primitives_between
 from magat_sim.rollout import Decide
 from magat_sim.simulator import Actions, Observation, Simulator
 
-#: Seconds that HCA and Replan may plan for a case.
+#: Time limit of HCA and Replan for each case, seconds.
 PLANNING_LIMIT = 60.0
 
 
 def hca(solved: Sequence[SolvedCase], simulator: Simulator) -> Decide:
-    """Hierarchical Cooperative A*; where it finds no paths, nobody moves."""
+    """Hierarchical Cooperative A*; if it finds no paths, no robot moves."""
     return _walk(solved, simulator, lambda one: solve_hca(*_instance(one.case), PLANNING_LIMIT, seed=one.number))
 
 
 def replan(solved: Sequence[SolvedCase], simulator: Simulator) -> Decide:
-    """Global re-planning around what is in the way."""
+    """Global re-planning around the robots in the way."""
     return _walk(
         solved,
         simulator,
@@ -39,11 +39,11 @@ def replan(solved: Sequence[SolvedCase], simulator: Simulator) -> Decide:
 
 
 def pibt(solved: Sequence[SolvedCase], simulator: Simulator) -> Decide:
-    """Each robot likes the primitives by how close to its goal they lead; equal ones in random order.
+    """Each robot ranks the primitives by the distance to its goal after them; equal ones in random order.
 
-    The simulator's shield is to be ``pibt``.
+    The simulator must have the shield ``pibt``.
     """
-    away = [distances(one.case) for one in solved]
+    steps_to_goal = [distances(one.case) for one in solved]
 
     def decide(observation: Observation) -> Actions:
         robots = simulator.active
@@ -51,8 +51,8 @@ def pibt(solved: Sequence[SolvedCase], simulator: Simulator) -> Decide:
         for world in np.unique(simulator.world[robots]):
             here = simulator.world[robots] == world
             mine = robots[here] - np.searchsorted(simulator.world, world)
-            cells = simulator.position[robots[here]][:, None] + DELTAS + 1  # in a map with a rim
-            liking[here] = -away[world][mine[:, None], cells[..., 1], cells[..., 0]]
+            cells = simulator.position[robots[here]][:, None] + DELTAS + 1  # in a map with a border
+            liking[here] = -steps_to_goal[world][mine[:, None], cells[..., 1], cells[..., 0]]
         for primitive in range(len(DELTAS)):
             draws = uniform(observation.streams, observation.tick * len(DELTAS) + primitive)
             liking[:, primitive] -= 0.5 * draws  # less than the step between two distances
@@ -62,7 +62,7 @@ def pibt(solved: Sequence[SolvedCase], simulator: Simulator) -> Decide:
 
 
 def distances(case: Case) -> npt.NDArray[np.float32]:
-    """Steps to each robot's goal, other robots ignored: ``[N, H + 2, W + 2]``, infinite on obstacles and a rim."""
+    """Steps to each robot's goal, without other robots: ``[N, H + 2, W + 2]``, infinite on obstacles and border."""
     free = np.pad(~case.obstacles, 1)
     width = free.shape[1]
     cells = np.flatnonzero(free)
@@ -73,7 +73,7 @@ def distances(case: Case) -> npt.NDArray[np.float32]:
     graph = csr_array((np.ones(len(one), np.int8), (one, other)), shape=(len(cells), len(cells)))
     goals = number[(case.goals[:, 1] + 1) * width + case.goals[:, 0] + 1]
     steps = np.full((case.robots, free.size), np.inf, dtype=np.float32)
-    for robot, goal in enumerate(goals):  # one by one: all at once take eight bytes a cell
+    for robot, goal in enumerate(goals):  # one by one, because all at once take eight bytes per cell and robot
         steps[robot, cells] = dijkstra(graph, directed=False, indices=goal, unweighted=True)
     return steps.reshape(case.robots, *free.shape)
 
@@ -87,7 +87,7 @@ def _instance(case: Case) -> tuple[BoolArray, IntArray, IntArray]:
 
 
 def _walk(solved: Sequence[SolvedCase], simulator: Simulator, plan: Callable[[SolvedCase], Solution]) -> Decide:
-    """The planned paths, step by step; at their ends robots stay."""
+    """Follow the planned paths step by step; robots stay at the ends of their paths."""
     walks = [
         np.zeros((0, one.case.robots), np.int64) if paths is None else primitives_between(paths[:-1], paths[1:])
         for one, paths in ((one, plan(one).paths) for one in solved)
@@ -98,7 +98,7 @@ def _walk(solved: Sequence[SolvedCase], simulator: Simulator, plan: Callable[[So
     return lambda observation: made[min(observation.tick, len(made) - 1)][simulator.active]
 
 
-#: By name, with the shield of each.
+#: The baselines by name, each with its shield.
 BASELINES: Mapping[str, tuple[Planner, str]] = {
     "HCA": (hca, "idle"),
     "Replan": (replan, "idle"),

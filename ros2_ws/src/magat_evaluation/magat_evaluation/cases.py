@@ -1,4 +1,4 @@
-"""Scenario sets: which cases are trained on, validated on, tested on, and the expert's solutions of them."""
+"""Cases for training, validation and tests, with the expert's solutions."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -11,16 +11,16 @@ from magat_sim.constants import T_MAX_FACTOR
 from magat_sim.grid import IntArray
 from magat_sim.measures import Flowtime, expert_flowtime
 
-#: Of drawing and solving. Raise it with every change after which a seed gives other cases or other paths: data sets
-#: (`magat_training.data`) made before are then refused rather than mixed with new ones.
+#: Version of drawing and solving cases. Raise it with every change after which a seed gives other cases or other paths:
+#: older data sets (`magat_training.data`) are then refused, and older reports are stale.
 GENERATOR_VERSION = 1
 
 
 @dataclass(frozen=True)
 class SolvedCase:
-    """A case and the expert's way through it."""
+    """A case and the expert's solution."""
 
-    #: Its number under the seed, which also names the random streams of an episode on it.
+    #: Its number under the seed, which also selects the random streams of its episode.
     number: int
     case: Case
     #: ``[T + 1, N, 2]`` int16 cells; T is the expert's makespan.
@@ -33,22 +33,22 @@ class SolvedCase:
 
     @property
     def t_max(self) -> int:
-        """Steps that a team gets for this case."""
+        """Steps at most in an episode on this case."""
         return T_MAX_FACTOR * (len(self.paths) - 1)
 
 
 def first_cases(count: int) -> dict[str, range]:
-    """Numbers of ``count`` of the 30,000 cases, 70 / 15 / 15 %.
+    """Numbers of ``count`` of the 30,000 cases by split, 70 / 15 / 15 %.
 
-    They are the first of each split: a case is in the same split of every data set.
+    They are the first numbers of each split, so a case is in the same split of every data set.
 
     Raises:
-        InvalidCaseError: fewer than 3 cases, which leave a split empty, or more than there are.
+        InvalidCaseError: fewer than 3 cases, which leave a split empty, or more than 30,000.
     """
     most = sum(map(len, SPLITS.values()))
     if not 3 <= count <= most:
         raise InvalidCaseError(f"{count} cases cannot be split in three: ask for 3 to {most}")
-    held_out = -(-count * 15 // 100)  # rounded up: the training split is the one that can spare a case
+    held_out = -(-count * 15 // 100)  # rounded up, at the expense of the training split
     counts = {"train": count - 2 * held_out, "valid": held_out, "test": held_out}
     return {split: SPLITS[split][: counts[split]] for split in SPLITS}
 
@@ -56,7 +56,7 @@ def first_cases(count: int) -> dict[str, range]:
 def solved_cases(
     numbers: Sequence[int], seed: int = SET_SEED, workers: int = 2, expert_w: float = EXPERT_W, **size: float
 ) -> Iterator[SolvedCase]:
-    """Draw and solve the cases ``numbers`` under ``seed``, in order; those without an expert's solution are left out.
+    """Draw and solve the cases ``numbers`` under ``seed``, in order; cases that the expert does not solve are left out.
 
     Args:
         numbers: of the cases.
@@ -72,7 +72,7 @@ def solved_cases(
 def solve_cases(
     cases: Iterable[Case], numbers: Sequence[int], workers: int = 2, expert_w: float = EXPERT_W
 ) -> Iterator[SolvedCase]:
-    """Solve ``cases``, whose ``numbers`` are to be given, as `solved_cases` does."""
+    """Solve ``cases`` with the given ``numbers``, as `solved_cases` does."""
     taken: list[Case] = []
 
     def take() -> Iterator[Case]:

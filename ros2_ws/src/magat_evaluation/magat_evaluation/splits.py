@@ -1,10 +1,10 @@
-"""Which cases are trained on, validated on and tested on, and the expert that solves them. Quick to import."""
+"""The splits of the cases, and the limits of the expert that solves them. Quick to import."""
 
 from collections.abc import Mapping
 
 from magat_sim.constants import EXPERT_W as EXPERT_W
 
-#: Seed and size of the 30,000 cases that policies are trained, validated and tested on.
+#: Seed and size of the 30,000 cases for training, validation and tests.
 SET_SEED = 2021
 SET_SIZE: Mapping[str, float] = {"width": 20, "height": 20, "robots": 10, "density": 0.1}
 #: Numbers of the cases of each split (70 / 15 / 15 %); no case is in two of them.

@@ -1,4 +1,4 @@
-"""Training samples: instants as all robots see them, and what the expert does next; turned by a random symmetry."""
+"""Training samples: observations of whole teams with the expert's next primitives, turned by random symmetries."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from magat_training import symmetry
 
 @dataclass(frozen=True)
 class Instants:
-    """S instants on cases of one size, teams of N robots: positions only."""
+    """Positions at S instants, on cases of one size with N robots."""
 
     #: ``[S]`` index of the case.
     case: npt.NDArray[np.int32]
@@ -29,9 +29,9 @@ class Instants:
 
     @classmethod
     def of_paths(cls, paths: Sequence[IntArray], cases: Sequence[int]) -> "Instants":
-        """All instants of ``paths``, each ``[T + 1, N, 2]``, on ``cases``; there is at least one.
+        """All instants of ``paths`` (at least one, each ``[T + 1, N, 2]``), on ``cases``.
 
-        The last instant, all robots resting on their goals, is one too: it repeats as its own successor.
+        The last instant, with all robots on their goals, is followed by itself.
         """
         return cls(
             np.repeat(np.asarray(cases, dtype=np.int32), [len(path) for path in paths]),
@@ -45,7 +45,7 @@ class Instants:
 
     @classmethod
     def join(cls, parts: Sequence["Instants"]) -> "Instants":
-        """The instants of all ``parts``; there is at least one part."""
+        """The instants of all ``parts``, of which there is at least one."""
         return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("case", "now", "next")))
 
 
@@ -68,10 +68,10 @@ class Sampler:
     """
 
     def __init__(self, solved: Sequence[SolvedCase]) -> None:
-        """Prepare the maps and goals of ``solved``, whose places in it are the indices of cases.
+        """Prepare the maps and goals of ``solved``; the indices of cases refer to it.
 
         Raises:
-            ValueError: nothing to learn from.
+            ValueError: ``solved`` is empty.
         """
         if not solved:
             raise ValueError("no solved case: there is nothing to learn from")
@@ -79,7 +79,7 @@ class Sampler:
         self._goals = np.stack([s.case.goals for s in solved])
 
     def batch(self, rng: np.random.Generator, shares: Sequence[tuple[Instants, int]]) -> Batch:
-        """Of each ``(instants, count)``, ``count`` drawn uniformly with ``rng``, each turned by some symmetry."""
+        """Draw ``count`` of each ``(instants, count)`` uniformly with ``rng``, and turn each by a random symmetry."""
         drawn = Instants.join([instants.take(rng.integers(len(instants), size=count)) for instants, count in shares])
         turns = rng.integers(len(symmetry.SYMMETRIES), size=len(drawn))
         size, robots = drawn.now.shape[:2]

@@ -1,4 +1,4 @@
-"""The processes and devices that train one policy together: one on the processor, or those that torchrun starts."""
+"""The processes that train one policy together: a single one, or those that torchrun starts."""
 
 import os
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from torch.nn.parallel import DistributedDataParallel
 
 @dataclass(frozen=True)
 class Workers:
-    """This process among those that train together."""
+    """This process, among those that train together."""
 
     rank: int
     count: int
@@ -20,10 +20,10 @@ class Workers:
 
     @classmethod
     def join(cls, device: str | None = None) -> "Workers":
-        """Join those that torchrun started, or be alone.
+        """Join the processes that torchrun started; without torchrun, there is only this one.
 
         Args:
-            device: as torch names it; the machine's GPU number LOCAL_RANK, or the processor, if None.
+            device: torch's name of it; if None, GPU number LOCAL_RANK, or the CPU if there is no GPU.
         """
         rank, count = int(os.environ.get("RANK", "0")), int(os.environ.get("WORLD_SIZE", "1"))
         if device is None:
@@ -36,13 +36,13 @@ class Workers:
         return cls(rank, count, chosen)
 
     def leave(self) -> None:
-        """Part, once the training is over."""
+        """Leave the group of processes, after the training."""
         if self.count > 1:
             distributed.destroy_process_group()
 
     @property
     def first(self) -> bool:
-        """Whether this is the process that validates and writes files."""
+        """Whether this process validates and writes files."""
         return self.rank == 0
 
     def share(self, items: Sequence[Any]) -> Sequence[Any]:
@@ -50,7 +50,7 @@ class Workers:
         return items[self.rank :: self.count]
 
     def everyones(self, item: Any) -> list[Any]:
-        """``item`` of every process, in their order; any object that can be pickled."""
+        """``item`` of every process, in the order of ranks; any object that can be pickled."""
         if self.count == 1:
             return [item]
         items: list[Any] = [None] * self.count
@@ -58,27 +58,27 @@ class Workers:
         return items
 
     def wait(self) -> None:
-        """Go on when all are here."""
+        """Wait until all processes are here."""
         if self.count > 1:
             distributed.barrier()
 
     def wrap(self, network: nn.Module) -> nn.Module:
-        """``network``, moved to the device, its gradients averaged over all processes."""
+        """``network`` on the device, with gradients that are averaged over all processes."""
         network = network.to(self.device).to(memory_format=torch.channels_last)
         if self.count == 1:
             return network
-        # Teams that do not talk leave parameters unused. And looking for those keeps the buckets of gradients as they
-        # are laid out first: the second step would lay them out anew, three or more processes would then add up in
-        # another order, and a resumed run would not be the same to the bit.
+        # Without communication (K = 1) some parameters are unused, so torch must look for them. This also keeps the
+        # first layout of the gradient buckets. Otherwise the second step changes the layout, three or more processes
+        # add up in another order, and a resumed run differs in the last bits.
         devices = [self.device] if self.device.type == "cuda" else None
         return DistributedDataParallel(network, device_ids=devices, find_unused_parameters=True)
 
     def share_statistics(self, network: nn.Module) -> None:
-        """Give all the running statistics of the first one's ``network``; each gathers its own from its own batches."""
+        """Copy the running statistics of ``network`` from the first process; each process has gathered its own."""
         if self.count > 1:
             for buffer in network.buffers():
                 distributed.broadcast(buffer, 0)
 
 
-#: A process that trains by itself, on the processor.
+#: A single process on the CPU.
 ALONE = Workers(0, 1, torch.device("cpu"))

@@ -1,8 +1,8 @@
 """Policies in POGEMA, the environment in which others compare theirs (Skrynnik et al., 2022).
 
-What a robot sees and hears there, and how it decides, is what it is here: `field_of_view`, `neighbours`, `Policy`. Only
-the world is another one. In POGEMA a cell is ``(row, column)``, rows run down, and there is a rim of `obs_radius` cells
-around the map. Its actions are numbered as our primitives are; up is the row before.
+Observations, messages and decisions are the same as in our simulator: `field_of_view`, `neighbours`, `Policy`. Only the
+world differs. In POGEMA a cell is ``(row, column)``, rows are counted from the top, and the map has a border of
+`obs_radius` cells. Its actions have the numbers of our primitives; up is the row before.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -20,15 +20,15 @@ from magat_sim.grid import BoolArray, IntArray
 from magat_sim.radio import neighbours
 from magat_sim.streams import episode_streams
 
-#: What POGEMA tells of a robot under the observation type MAPF, by name.
-Told = Mapping[str, Any]
+#: POGEMA's observation of a robot under the observation type MAPF: values by name.
+MapfObservation = Mapping[str, Any]
 
 
 class PogemaPolicy:
     """All robots of one episode, each with its own copy of a policy: ``act`` is what POGEMA's benchmarks call."""
 
     def __init__(self, policy: Policy, seed: int = SET_SEED, number: int = 0) -> None:
-        """Begin the episode ``number`` under ``seed``, which name the robots' random streams, see `episode_streams`."""
+        """Begin the episode ``number`` under ``seed``, which select the random streams, see `episode_streams`."""
         self._policy, self._seed = policy, seed
         self.reset(number)
 
@@ -36,12 +36,12 @@ class PogemaPolicy:
         """Begin another episode."""
         self._number, self._tick = number, 0
 
-    def act(self, observations: Sequence[Told]) -> list[int]:
-        """What the robots do next.
+    def act(self, observations: Sequence[MapfObservation]) -> list[int]:
+        """The next actions of all robots.
 
         Args:
-            observations: of N robots, of the type MAPF: the type POMAPF does not say how far apart robots are, which
-                the radio has to know.
+            observations: of N robots, of the type MAPF; the type POMAPF lacks the distances between robots, which the
+                radio needs.
 
         Raises:
             ValueError: observations of another type.
@@ -57,26 +57,26 @@ class PogemaPolicy:
         return [int(primitive) for primitive in decision.primitives]
 
 
-def world_of(observations: Sequence[Told]) -> tuple[BoolArray, IntArray, IntArray]:
+def world_of(observations: Sequence[MapfObservation]) -> tuple[BoolArray, IntArray, IntArray]:
     """Obstacles (``[H, W]``, indexed ``[y, x]``, y up), positions and goals (``[N, 2]`` cells ``(x, y)``).
 
     Raises:
         ValueError: observations of another type than MAPF.
     """
     if not observations or not isinstance(observations[0], Mapping) or "global_xy" not in observations[0]:
-        raise ValueError("POGEMA's observations are to be of observation_type='MAPF'")
+        raise ValueError("the observations are of another type: create the environment with observation_type='MAPF'")
     rim = len(observations[0]["obstacles"]) // 2
     grid = np.asarray(observations[0]["global_obstacles"])[rim:-rim, rim:-rim] != 0
-    ends = (np.array([told[name] for told in observations]) - rim for name in ("global_xy", "global_target_xy"))
-    position, goal = (_turned(cells, len(grid)) for cells in ends)
+    ends = (np.array([one[name] for one in observations]) - rim for name in ("global_xy", "global_target_xy"))
+    position, goal = (_converted(cells, len(grid)) for cells in ends)
     return grid[::-1], position, goal
 
 
 def environment(case: Case, t_max: int) -> Any:
-    """POGEMA's environment for ``case``: robots stay after they have arrived, and its ``soft`` rules let them follow.
+    """POGEMA's environment for ``case``, with ``soft`` collision rules; robots stay on their goals.
 
-    Those are the rules of the shield ``idle``, but that of several robots which want one free cell not a drawn one gets
-    it. An episode ends when all robots stand on their goals, or after ``t_max`` steps.
+    The rules are those of the shield ``idle``, except that the robot that gets a cell which several want is not drawn.
+    An episode ends when all robots are on their goals, or after ``t_max`` steps.
 
     Raises:
         ModuleNotFoundError: POGEMA is not installed, see requirements-pogema.txt.
@@ -87,8 +87,8 @@ def environment(case: Case, t_max: int) -> Any:
     return pogema_v0(
         GridConfig(
             map=case.obstacles[::-1].astype(int).tolist(),
-            agents_xy=_turned(case.starts, height, back=True).tolist(),
-            targets_xy=_turned(case.goals, height, back=True).tolist(),
+            agents_xy=_converted(case.starts, height, back=True).tolist(),
+            targets_xy=_converted(case.goals, height, back=True).tolist(),
             num_agents=case.robots,
             obs_radius=RADIUS,
             max_episode_steps=t_max,
@@ -102,17 +102,17 @@ def environment(case: Case, t_max: int) -> Any:
 def score(
     policy: Policy, solved: Sequence[SolvedCase], seed: int = SET_SEED, on_case: Callable[[], None] | None = None
 ) -> list[dict[str, float]]:
-    """POGEMA's own metrics of an episode on each case, for as many steps as a team gets here.
+    """Run an episode on each case, with as many steps as in our simulator, and return POGEMA's metrics.
 
     Args:
-        policy: that all robots carry.
-        solved: the cases, with the expert's solutions, which say how many steps there are.
+        policy: of all robots.
+        solved: the cases, with the expert's solutions, which determine the number of steps.
         seed: of the robots' random streams.
-        on_case: called after each, e.g. to show progress.
+        on_case: called after each case, e.g. to show progress.
 
     Returns:
-        ``CSR`` (all robots on their goals at the end), ``ISR`` (the share of them), ``SoC``, ``makespan`` and
-        ``ep_length`` of each case.
+        For each case: ``CSR`` (1 if all robots are on their goals at the end), ``ISR`` (the share of robots on their
+        goals), ``SoC``, ``makespan`` and ``ep_length``.
 
     Raises:
         ModuleNotFoundError: POGEMA is not installed, see requirements-pogema.txt.
@@ -131,7 +131,7 @@ def score(
     return metrics
 
 
-def _turned(cells: npt.ArrayLike, height: int, back: bool = False) -> IntArray:
-    """Cells ``(row, column)``, rows down, as ``(x, y)``, y up, or ``back``."""
+def _converted(cells: npt.ArrayLike, height: int, back: bool = False) -> IntArray:
+    """Convert cells ``(row, column)``, rows counted from the top, to ``(x, y)``, y up; the other way with ``back``."""
     first, second = np.asarray(cells, dtype=np.int64).T
     return np.stack([height - 1 - second, first] if back else [second, height - 1 - first], axis=1)

@@ -195,17 +195,3 @@ def join(options: Options) -> None:
         options.without_effect("the environment's ROS domain (give --domain as well)", "server")
     else:
         os.environ.update(Network(options.domain, options.server).tool_variables)
-
-
-def case_numbers(split: str, cases: int) -> range:
-    """The first ``cases`` numbers of a split.
-
-    Raises:
-        MagatError: it has fewer.
-    """
-    from magat_evaluation.splits import SPLITS
-
-    numbers = SPLITS[split]
-    if cases > len(numbers):
-        raise MagatError(f"the split {split} has {len(numbers)} cases, not {cases}: ask for fewer")
-    return numbers[:cases]

@@ -50,7 +50,7 @@ CELL = [(0, 0)]
         (FREE, np.zeros((0, 2), int), np.zeros((0, 2), int), r"there are 0 starts: give 1 to"),
         (FREE, [0, 0], CELL, r"starts have shape \(2,\): give \[N, 2\]"),
         (FREE, CELL, [(0, 0, 0)], r"goals have shape \(1, 3\)"),
-        (FREE, [(0, 0), (1,)], CELL, r"starts are no array"),
+        (FREE, [(0, 0), (1,)], CELL, r"starts are not an array"),
         (FREE, [(0.0, 1.0)], CELL, r"starts have dtype float64: cells are integers"),
         (FREE[0], CELL, CELL, r"obstacles have shape \(4,\): give a map of shape \[H, W\]"),
         (FREE[:0], CELL, CELL, r"obstacles have shape \(0, 4\)"),

@@ -156,7 +156,7 @@ def test_a_radio_that_does_not_exist_is_refused():
         rclpy.init(args=[], context=context, domain_id=domain)
         parameters = [Parameter("robots", value=NAMES), Parameter("radio", value="pigeon")]
         try:
-            with pytest.raises(ValueError, match=r"radio is 'pigeon': it is one of \['direct', 'relayed'\]"):
+            with pytest.raises(ValueError, match=r"radio is 'pigeon': choose one of \['direct', 'relayed'\]"):
                 SimulatorNode(context=context, parameter_overrides=parameters)
         finally:
             context.try_shutdown()

@@ -1,4 +1,4 @@
-"""The expert that the policy learns from, ECBS, and two planners to compare with. Importing it needs no ROS.
+"""The expert that the policy imitates, ECBS, and two baseline planners. Importing it needs no ROS.
 
 Cells are `(x, y)`, x to the right, y up; maps are indexed `[y, x]`.
 """

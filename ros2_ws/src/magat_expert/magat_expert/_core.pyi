@@ -1,7 +1,7 @@
 import numpy as np
 
 class StopFlag:
-    """Ends, from any thread, the searches that hold it."""
+    """Ends the searches that were given it; may be set by any thread."""
 
     def __init__(self) -> None: ...
     def set(self) -> None: ...

@@ -1,4 +1,4 @@
-"""The paper's planners without learning: HCA and Replan. Neither is complete, and neither bounds its cost."""
+"""The paper's planners without learning: HCA and Replan. Neither is complete or has a bound on its cost."""
 
 from numpy.typing import ArrayLike
 
@@ -6,9 +6,9 @@ from magat_expert import _core
 from magat_expert.instance import validate_count, validate_instance, validate_time_limit
 from magat_expert.solver import Solution, StopFlag, solution_of
 
-#: A seed is a number of 64 bits.
+#: Seeds are 64-bit numbers.
 _MAX_SEED = 2**64 - 1
-#: Robots that circle round each other add a cell a step to their paths: this keeps them within memory.
+#: Limits the memory of paths of robots that circle each other without end.
 _MOST_STEPS = 1_000_000
 
 
@@ -21,27 +21,28 @@ def solve_hca(
     seed: int = 0,
     stop: StopFlag | None = None,
 ) -> Solution:
-    """Hierarchical Cooperative A*: one robot after another, each around the paths of those before it.
+    """Hierarchical Cooperative A*: robots plan one after another and avoid the paths of the earlier ones.
 
     Silver: "Cooperative Pathfinding", AIIDE 2005. Each robot searches space-time with its exact distances (robots
-    ignored) as heuristic and takes the path that arrives first. It rests on its goal for ever, and so arrives there
-    only when nobody before it passes any more. The robots go first in the order of their numbers; when one finds no
-    path, all begin again in an order shuffled by `seed`, in which that one is first.
+    ignored) as heuristic and takes the path that arrives first. It rests on its goal for ever, so it may arrive only
+    when no earlier robot passes the goal any more. The first order is that of the indices. When a robot finds no path,
+    all robots plan again, in an order shuffled by `seed` in which that robot is first.
 
     The status is SOLVED; INCOMPLETE after `orders` orders without a solution, when there may still be one;
-    NO_SOLUTION, TIMED_OUT or STOPPED as in `solve`. Other Python threads run meanwhile.
+    NO_SOLUTION, TIMED_OUT or STOPPED as in `solve`. The search releases the GIL.
 
     Args:
         obstacles: bool `[H, W]`, indexed `[y, x]`, True on obstacles.
         starts: int `[N, 2]`, cells `(x, y)`, x to the right, y up.
         goals: int `[N, 2]`, cells `(x, y)`.
         time_limit: seconds; infinity for none.
-        orders: how many orders to try, from 1, which is the algorithm without restarts.
-        seed: of the orders, 0 to 2^64 - 1. The same arguments give the same paths, unless the time limit strikes.
+        orders: how many orders to try; 1 is the algorithm without restarts.
+        seed: of the orders, 0 to 2^64 - 1. The same arguments give the same paths, unless the time limit ends the
+            search.
         stop: once set, by any thread, the search ends with the status STOPPED.
 
     Raises:
-        InvalidInstanceError: the instance or a parameter makes no sense; the message says what to do.
+        InvalidInstanceError: the instance or a parameter is invalid; the message says what to do.
     """
     time_limit = validate_time_limit(time_limit)
     orders = validate_count(orders, "orders", 1, 2**31 - 1)
@@ -61,30 +62,31 @@ def solve_replan(
     seed: int = 0,
     stop: StopFlag | None = None,
 ) -> Solution:
-    """Global re-planning: each robot follows a shortest path, and plans anew where a step meets a conflict.
+    """Global re-planning: each robot follows a shortest path, and re-plans when a step is in conflict.
 
     The paper's baseline `Replan` (after Wang et al., "Mobile Robot Path Planning in Dynamic Environments Through
     Globally Guided Reinforcement Learning", RA-L 2020). In each time step the robots decide one after another, in an
-    order shuffled by `seed`. A step is in conflict if another robot goes to its cell, or stands there and has not
-    decided to leave it. The robot then takes an A* path around the present cells of all others and around where they go
-    in this step, or waits if there is none. Robots that have arrived stay where they are.
+    order shuffled by `seed`. A step is in conflict if another robot moves to its cell, or is there and has not decided
+    to leave it. The robot then takes an A* path around the current cells of all others and around the cells that they
+    move to in this step, or waits if there is none. Robots that have arrived do not move.
 
-    The status is SOLVED if all have arrived; INCOMPLETE after `max_steps` steps, or as soon as nobody can move any
-    more; NO_SOLUTION, TIMED_OUT or STOPPED as in `solve`. All but NO_SOLUTION come with the paths walked until then,
-    which are free of conflicts, and with who has `arrived`. Other Python threads run meanwhile.
+    The status is SOLVED if all have arrived; INCOMPLETE after `max_steps` steps, or as soon as no robot can
+    move; NO_SOLUTION, TIMED_OUT or STOPPED as in `solve`. Except for NO_SOLUTION, the result holds the paths up to the
+    end, which are free of conflicts, and which robots have `arrived`. The search releases the GIL.
 
     Args:
         obstacles: bool `[H, W]`, indexed `[y, x]`, True on obstacles.
         starts: int `[N, 2]`, cells `(x, y)`, x to the right, y up.
         goals: int `[N, 2]`, cells `(x, y)`.
         time_limit: seconds; infinity for none.
-        max_steps: the time steps that the robots get, T_max, from 0 to 1,000,000. None is 3 times the longest of the
-            shortest paths: T_max of an expert that delays nobody.
-        seed: of the orders, 0 to 2^64 - 1. The same arguments give the same paths, unless the time limit strikes.
+        max_steps: T_max, time steps, 0 to 1,000,000. None is 3 times the longest of the shortest paths: T_max for an
+            expert whose robots never wait.
+        seed: of the orders, 0 to 2^64 - 1. The same arguments give the same paths, unless the time limit ends the
+            search.
         stop: once set, by any thread, the search ends with the status STOPPED.
 
     Raises:
-        InvalidInstanceError: the instance or a parameter makes no sense; the message says what to do.
+        InvalidInstanceError: the instance or a parameter is invalid; the message says what to do.
     """
     time_limit = validate_time_limit(time_limit)
     steps = -1 if max_steps is None else validate_count(max_steps, "max_steps", 0, _MOST_STEPS)

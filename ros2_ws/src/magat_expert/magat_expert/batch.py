@@ -12,7 +12,7 @@ from magat_expert.solver import Solution, StopFlag, solve
 
 
 class Case(Protocol):
-    """An object with an instance as `solve` takes it: obstacles `[H, W]`, starts and goals `[N, 2]`, cells `(x, y)`."""
+    """An object that holds an instance for `solve`."""
 
     @property
     def obstacles(self) -> npt.ArrayLike:
@@ -34,16 +34,15 @@ def solve_many(
     time_limit: float = 10.0,
     node_limit: int | None = None,
 ) -> Iterator[Solution]:
-    """Solves cases in threads and yields their solutions in the order of the cases.
+    """Solve cases in threads, and yield their solutions in the order of the cases.
 
-    The number of workers changes nothing in a solution but its `seconds`, as long as no search meets its time
-    limit; `node_limit` ends searches at the same point on every machine. Cases are drawn from the iterable as
-    they are needed, so it may be a generator and longer than memory. Leaving the loop early ends the searches
-    under way.
+    The number of workers changes only the `seconds` of a solution, as long as no search reaches its time limit;
+    `node_limit` ends searches at the same point on every machine. Cases are taken from the iterable as they are
+    needed, so it may be a generator of any length. Leaving the loop early ends all searches.
 
     Args:
         cases: the instances.
-        workers: threads, at least 1. The search runs without Python's lock: one per core is right.
+        workers: threads, at least 1. The search releases the GIL, so one per core is best.
         w: as in `solve`.
         time_limit: as in `solve`, seconds for each case.
         node_limit: as in `solve`, for each case.
@@ -74,7 +73,7 @@ def _solutions(
         try:
             for number, case in enumerate(cases):
                 pending.append(pool.submit(solve_one, number, case))
-                # A few cases wait for each worker, so that none idles behind one long case at the head.
+                # A few cases are queued for each worker, so that none idles while the first case takes long.
                 if len(pending) >= 8 * workers:
                     yield pending.popleft().result()
             while pending:

@@ -1,4 +1,4 @@
-"""What makes a multi-agent path finding instance valid, checked before any search starts."""
+"""Validation of multi-agent path finding instances and of the parameters of a search."""
 
 import math
 import operator
@@ -9,19 +9,19 @@ from numpy.typing import ArrayLike
 
 from magat_expert import _core
 
-MAX_ROBOTS = 32_767  # robots are numbered with 16 bits in the search
-MAX_SIDE = 32_767  # and coordinates have 16 bits in the paths
-MAX_W = 1_000.0
-DEFAULT_W = 1.1
+MAX_ROBOTS = 32_767  # the search stores robots in 16 bits
+MAX_SIDE = 32_767  # paths store coordinates in 16 bits
+#: Largest suboptimality bound, and its default.
+MAX_W, DEFAULT_W = 1_000.0, 1.1
 
 
 class InvalidInstanceError(ValueError):
-    """The instance or a parameter of the search makes no sense; the message says why and what to do."""
+    """The instance or a parameter of the search is invalid; the message says why and what to do."""
 
 
 @dataclass(frozen=True)
 class Instance:
-    """A validated instance, in the dtypes that the search takes.
+    """A validated instance, in the dtypes that the search needs.
 
     Attributes:
         obstacles: uint8 `[H, W]`, indexed `[y, x]`, 1 on obstacles.
@@ -39,15 +39,15 @@ class Instance:
 
 
 def validate_instance(obstacles: ArrayLike, starts: ArrayLike, goals: ArrayLike) -> Instance:
-    """Checks an instance and brings it into shape.
+    """Check an instance and convert it.
 
     Args:
-        obstacles: bool `[H, W]`, indexed `[y, x]`, y up; integers 0 and 1 are taken too.
+        obstacles: bool `[H, W]`, indexed `[y, x]`, y up; integers 0 and 1 are allowed, too.
         starts: int `[N, 2]`, cells `(x, y)`, no two alike.
         goals: int `[N, 2]`, cells `(x, y)`, no two alike, each reachable from its robot's start.
 
     Raises:
-        InvalidInstanceError: the first thing that is wrong, with the robot and the cell.
+        InvalidInstanceError: the instance is invalid; the message names the first fault, with the robot and the cell.
     """
     mask = _mask(obstacles)
     start_cells = _cells(starts, "starts")
@@ -64,7 +64,7 @@ def validate_instance(obstacles: ArrayLike, starts: ArrayLike, goals: ArrayLike)
 
 
 def validate_limits(w: float, time_limit: float, node_limit: int | None) -> tuple[float, float, int]:
-    """Checks the parameters of a search.
+    """Check the parameters of a search.
 
     Args:
         w: bound on the cost, from 1 to 1000.
@@ -72,10 +72,10 @@ def validate_limits(w: float, time_limit: float, node_limit: int | None) -> tupl
         node_limit: high-level expansions, at least 0; None means no limit.
 
     Returns:
-        The three of them, with -1 for a node limit of None.
+        The three parameters, with -1 for a node limit of None.
 
     Raises:
-        InvalidInstanceError: one of them is no number or out of its range.
+        InvalidInstanceError: one of them is not a number, or out of range.
     """
     w = _number(w, "w")
     time_limit = validate_time_limit(time_limit)
@@ -89,7 +89,7 @@ def validate_limits(w: float, time_limit: float, node_limit: int | None) -> tupl
 
 
 def validate_time_limit(time_limit: float) -> float:
-    """`time_limit` if it is a number of seconds above 0, infinity included.
+    """Return `time_limit` if it is a number of seconds above 0; infinity is allowed.
 
     Raises:
         InvalidInstanceError: it is not.
@@ -101,7 +101,7 @@ def validate_time_limit(time_limit: float) -> float:
 
 
 def validate_count(value: int, name: str, lowest: int, highest: int, note: str = "") -> int:
-    """`value` if it is a whole number from `lowest` to `highest`; messages call it `name` and end with `note`.
+    """Return `value` if it is a whole number from `lowest` to `highest`. Errors call it `name` and end with `note`.
 
     Raises:
         InvalidInstanceError: it is not.
@@ -130,7 +130,7 @@ def _array(values: ArrayLike, name: str) -> np.ndarray:
     try:
         return np.asarray(values)
     except ValueError as error:
-        raise InvalidInstanceError(f"{name} are no array: {error}") from None
+        raise InvalidInstanceError(f"{name} are not an array: {error}") from None
 
 
 def _mask(obstacles: ArrayLike) -> np.ndarray:

@@ -25,15 +25,16 @@ _STATUS = {
 class ExpertNode(Node):
     """Serves `solve_mapf`, several requests at a time.
 
-    Searches run in threads, without Python's lock, so that a long one holds up no other while a thread is left.
-    Whoever comes then waits, and the time limit counts from the search's begin. Destroying the node ends the searches
-    and answers all requests that it has taken.
+    Searches run in threads and release the GIL. If all threads are busy, further requests wait; their time limits count
+    from the start of their searches. Destroying the node ends the searches and answers all requests that it has
+    received.
     """
 
     def __init__(self, **options: object) -> None:
+        """Offer the service."""
         super().__init__("expert", **options)
-        searches = declare_count(self, "searches", 4, "search for so many requests at once", at_most=64)
-        self._longest = declare_seconds(self, "max_time_limit", 60.0, "search so long for a request at most")
+        searches = declare_count(self, "searches", 4, "number of searches at the same time", at_most=64)
+        self._longest = declare_seconds(self, "max_time_limit", 60.0, "longest search for a request")
         self._pool = ThreadPoolExecutor(searches, thread_name_prefix="search")
         self._stop = StopFlag()
         create_deferred_service(self, SolveMapf, "solve_mapf", self._begin)
@@ -49,7 +50,7 @@ class ExpertNode(Node):
             response.status = SolveMapf.Response.INVALID
             response.message = str(error)
             self.get_logger().warning(f"refused a request: {error}")
-        except Exception as error:  # whatever it is, the client waits for an answer
+        except Exception as error:  # the client must get an answer in any case
             response = SolveMapf.Response(status=SolveMapf.Response.INVALID, message=f"the expert failed: {error!r}")
             self.get_logger().error(response.message)
         try:
@@ -75,7 +76,7 @@ class ExpertNode(Node):
 
 
 def instance_of(request: SolveMapf.Request) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Obstacles uint8 `[H, W]`, starts and goals int16 `[N, 2]` of a request.
+    """The obstacles (uint8 `[H, W]`), starts and goals (int16 `[N, 2]`) of a request.
 
     Raises:
         InvalidInstanceError: the arrays of the request do not fit together.
@@ -83,14 +84,14 @@ def instance_of(request: SolveMapf.Request) -> tuple[np.ndarray, np.ndarray, np.
     obstacles = np.asarray(request.obstacles, dtype=np.uint8)
     if obstacles.size != request.width * request.height:
         raise InvalidInstanceError(
-            f"obstacles hold {obstacles.size} cells, and the map has {request.width} x {request.height}: "
-            "send one byte a cell, row by row from y = 0"
+            f"obstacles hold {obstacles.size} cells, but the map has {request.width} x {request.height}: "
+            "send one byte per cell, row by row from y = 0"
         )
     lengths = {name: len(getattr(request, name)) for name in ("start_x", "start_y", "goal_x", "goal_y")}
     if len(set(lengths.values())) > 1:
         listed = ", ".join(f"{name} {length}" for name, length in lengths.items())
         raise InvalidInstanceError(
-            f"the arrays of the robots differ in length ({listed}): send one entry a robot in each"
+            f"the arrays of the robots differ in length ({listed}): send one entry per robot in each"
         )
     starts = np.column_stack([request.start_x, request.start_y]).astype(np.int16)
     goals = np.column_stack([request.goal_x, request.goal_y]).astype(np.int16)
@@ -98,7 +99,7 @@ def instance_of(request: SolveMapf.Request) -> tuple[np.ndarray, np.ndarray, np.
 
 
 def fill_response(response: SolveMapf.Response, solution: Solution, time_limit: float) -> None:
-    """Writes a solution, found or not within `time_limit` seconds, into a response."""
+    """Write the outcome of a search of at most `time_limit` seconds into a response."""
     response.status = _STATUS[solution.status]
     response.lower_bound = float(solution.lower_bound)
     response.time = solution.seconds
@@ -108,7 +109,7 @@ def fill_response(response: SolveMapf.Response, solution: Solution, time_limit: 
         response.cost = solution.cost
         response.makespan = solution.makespan
     elif solution.status is SolveStatus.NO_SOLUTION:
-        response.message = "these robots would have to pass each other where nobody can: there is no solution"
+        response.message = "there is no solution: these robots would have to pass each other where they cannot"
     elif solution.status is SolveStatus.STOPPED:
         response.message = "the expert is shutting down"
     else:
@@ -118,7 +119,7 @@ def fill_response(response: SolveMapf.Response, solution: Solution, time_limit: 
 
 
 def main(args: list[str] | None = None) -> int:
-    """Run the expert until it is told to end. Returns the exit status."""
+    """Run the expert until SIGINT or SIGTERM. Returns the exit status."""
     return run_node("expert", ExpertNode, args)
 
 

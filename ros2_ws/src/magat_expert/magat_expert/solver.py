@@ -15,11 +15,11 @@ class SolveStatus(enum.IntEnum):
     """How a search ended. The order is that of the compiled search."""
 
     SOLVED = 0
-    NO_SOLUTION = 1  # proven: the instance has none
+    NO_SOLUTION = 1  # proven
     TIMED_OUT = 2
     NODE_LIMIT = 3
     STOPPED = 4  # by a StopFlag
-    INCOMPLETE = 5  # a baseline came to its end; whether there is a solution is not known
+    INCOMPLETE = 5  # a baseline ended without a solution; there may be one
 
 
 @dataclass(frozen=True)
@@ -29,16 +29,17 @@ class Solution:
     Attributes:
         status: how the search ended.
         paths: int16 `[T + 1, N, 2]`, cells `(x, y)` by time step and robot, or None unless solved. T is the
-            makespan; robots that arrived earlier rest on their goals. `solve_replan` gives valid paths whatever its
-            status: those walked until it ended.
-        arrived: bool `[N]`, whether each robot is on its goal at the end of its path; nowhere if there are no paths.
+            makespan; robots that arrived earlier rest on their goals. `solve_replan` returns the paths up to its end
+            with any status.
+        arrived: bool `[N]`, whether each robot is on its goal at the end of its path; all False without paths.
         cost: steps, the sum over robots of the time after which the robot stays on its goal; 0 unless solved.
-        lower_bound: steps. No valid paths cost less, solved or not; if `solve` solved it, `cost <= w * lower_bound`.
+        lower_bound: steps. No valid paths cost less, whether solved or not; if solved by `solve`,
+            `cost <= w * lower_bound`.
         makespan: steps, the last arrival; 0 unless solved.
         seconds: wall time of the search.
-        expansions_high: expanded nodes of the constraint tree (`solve_hca`: orders tried; `solve_replan`: plans that
-            were made anew).
-        expansions_low: expanded nodes, all robots' searches together.
+        expansions_high: expanded nodes of the constraint tree (`solve_hca`: orders tried; `solve_replan`:
+            re-plannings).
+        expansions_low: expanded nodes, summed over the searches of all robots.
     """
 
     status: SolveStatus
@@ -65,42 +66,41 @@ def solve(
     node_limit: int | None = None,
     stop: StopFlag | None = None,
 ) -> Solution:
-    """Finds paths without vertex or swap conflicts that cost at most `w` times the optimum.
+    """Find paths without vertex or swap conflicts that cost at most `w` times the optimum.
 
     Enhanced Conflict-Based Search (Barer, Sharon, Stern, Felner: "Suboptimal Variants of the Conflict-Based
     Search Algorithm for the Multi-Agent Pathfinding Problem", SoCS 2014), with bypasses (Boyarski et al.,
     "Don't Split, Try To Work It Out: Bypassing Conflicts in Multi-Agent Pathfinding", ICAPS 2015).
-    The same arguments give the same paths, unless the time limit ends the search. Other Python threads run
-    meanwhile.
+    The same arguments give the same paths, unless the time limit ends the search. The search releases the GIL.
 
-    That an instance has no solution is seen only in corridors and in full maps without a cycle; else the
-    search ends at a limit. Memory: up to about 1 GB for each minute of a search that finds nothing.
+    The search proves that an instance has no solution only for corridors and for full maps without a cycle; otherwise
+    it ends at a limit. It takes up to about 1 GB of memory per minute.
 
     Args:
         obstacles: bool `[H, W]`, indexed `[y, x]`, True on obstacles.
         starts: int `[N, 2]`, cells `(x, y)`, x to the right, y up.
         goals: int `[N, 2]`, cells `(x, y)`.
         w: bound on the cost, from 1 (optimal) to 1000.
-        time_limit: seconds; infinity for none. Kept within a few milliseconds, and 1 or 2 % in long searches.
+        time_limit: seconds; infinity for none. Exceeded by a few milliseconds, or by 1 or 2 % in long searches.
         node_limit: high-level expansions, or None. Unlike a time limit, it ends every run at the same point.
         stop: once set, by any thread, the search ends with the status STOPPED.
 
     Raises:
-        InvalidInstanceError: the instance or a parameter makes no sense; the message says what to do.
+        InvalidInstanceError: the instance or a parameter is invalid; the message says what to do.
     """
     w, time_limit, node_limit = validate_limits(w, time_limit, node_limit)
     return solve_instance(validate_instance(obstacles, starts, goals), w, time_limit, node_limit, stop)
 
 
 def solve_instance(instance: Instance, w: float, time_limit: float, node_limit: int, stop: StopFlag | None) -> Solution:
-    """`solve` for what `validate_instance` and `validate_limits` returned."""
+    """Like `solve`, for an instance and limits that are validated."""
     return solution_of(
         _core.solve(instance.obstacles, instance.starts, instance.goals, w, time_limit, node_limit, stop), instance
     )
 
 
 def solution_of(outcome: tuple[int, np.ndarray | None, int, int, float, int, int], instance: Instance) -> Solution:
-    """A compiled search's `outcome` on `instance`."""
+    """The solution from the `outcome` of a compiled search on `instance`."""
     status, paths, cost, lower_bound, seconds, high, low = outcome
     solved = status == SolveStatus.SOLVED
     arrived = np.zeros(instance.num_robots, bool) if paths is None else (paths[-1] == instance.goals).all(axis=1)

@@ -1,4 +1,4 @@
-"""An independent check of paths, in plain numpy. It shares no code with the search that it checks."""
+"""An independent check of paths, in plain NumPy. It shares no code with the search."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -7,11 +7,11 @@ _MOST_REPORTED = 20
 
 
 def check_paths(obstacles: ArrayLike, starts: ArrayLike, goals: ArrayLike, paths: ArrayLike) -> list[str]:
-    """Says what is wrong with a set of paths.
+    """List the violations in a set of paths.
 
-    Valid paths begin on the starts and end on the goals, keep to free cells, move at most one cell along one
-    axis a step, never put two robots into one cell (vertex conflict), and never let two robots exchange their
-    cells in one step (swap conflict). Following into a cell that another robot leaves is allowed.
+    Valid paths begin on the starts, end on the goals, use free cells only, and move at most one cell along one axis
+    per step. No two robots are in one cell (vertex conflict) or exchange their cells in one step (swap conflict). A
+    robot may follow another into the cell that it leaves.
 
     Args:
         obstacles: bool `[H, W]`, indexed `[y, x]`.
@@ -52,10 +52,10 @@ def _show(cell: np.ndarray) -> str:
     return f"({int(cell[0])}, {int(cell[1])})"
 
 
-def _wrong_ends(found: np.ndarray, wanted: np.ndarray, verb: str, name: str) -> list[str]:
-    wrong = np.flatnonzero((found != wanted).any(axis=1))
+def _wrong_ends(found: np.ndarray, expected: np.ndarray, verb: str, name: str) -> list[str]:
+    wrong = np.flatnonzero((found != expected).any(axis=1))
     return [
-        f"robot {r} {verb} on {_show(found[r])}, and its {name} is {_show(wanted[r])}" for r in wrong[:_MOST_REPORTED]
+        f"robot {r} {verb} on {_show(found[r])}, and its {name} is {_show(expected[r])}" for r in wrong[:_MOST_REPORTED]
     ]
 
 
@@ -95,7 +95,7 @@ def _swap_conflicts(paths: np.ndarray, shape: tuple[int, ...]) -> list[str]:
     height, width = shape
     cells = paths[..., 1] * width + paths[..., 0]
     here, there = cells[:-1], cells[1:]
-    # Each step's edge has one number whichever way it is taken; the last bit says which way.
+    # An edge has one number for both directions; the last bit of the key is the direction.
     edges = np.minimum(here, there) * (width * height) + np.maximum(here, there)
     keys = 2 * edges + (here > there)
     order = np.argsort(keys, axis=1, kind="stable")

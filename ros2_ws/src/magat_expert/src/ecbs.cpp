@@ -57,7 +57,7 @@ void Ecbs::finish(Solution::Status status, Solution& solution) {
   solution.low_level_expansions = low_level_.expansions();
 }
 
-// Robots plan one after another, each around those before it.
+// Robots plan one after another and avoid the paths of the earlier ones.
 bool Ecbs::make_root() {
   const std::size_t robots = starts_.size();
   distances_.resize(robots);
@@ -100,7 +100,7 @@ void Ecbs::push(const Node& node) {
   nodes_.push_back(node);
 }
 
-// The smallest sum of lower bounds in OPEN. It never falls, since a child's is never below its parent's.
+// The smallest sum of lower bounds in OPEN. It never decreases, because a child's is never below its parent's.
 std::int64_t Ecbs::smallest_lower_bound() {
   while (!by_lower_bound_.empty() && !nodes_[by_lower_bound_.top().node].open) {
     by_lower_bound_.pop();
@@ -108,7 +108,7 @@ std::int64_t Ecbs::smallest_lower_bound() {
   return by_lower_bound_.empty() ? 0 : by_lower_bound_.top().key;
 }
 
-// The next node to expand. It stays in OPEN until it is expanded, so that a solution counts for its own lower bound.
+// The next node to expand. It stays in OPEN until it is expanded, so that a solution counts in its own lower bound.
 bool Ecbs::pop(int& index) {
   const std::int64_t lower_bound = smallest_lower_bound();
   if (by_lower_bound_.empty()) {
@@ -146,10 +146,10 @@ bool Ecbs::expand(int index) {
       return false;
     }
     if (child.path.empty()) {
-      continue;  // nowhere to go under these constraints
+      continue;  // no path satisfies these constraints
     }
     // A bypass (Boyarski et al. 2015, in the form of Li et al. 2021): a path with fewer conflicts, that this robot
-    // could have taken in this very node, replaces its path without a constraint and without a split.
+    // could have taken in this node, replaces its path without a constraint and without a split.
     if (child.conflicts < nodes_[index].conflicts && child.path.arrival() <= bound_(lower_bounds_[child.robot])) {
       child.constrained = false;
       child.lower_bound = nodes_[index].lower_bound;
@@ -167,7 +167,7 @@ bool Ecbs::expand(int index) {
   return true;
 }
 
-// Plans anew for one robot of the loaded node. The child's path is empty if there is none; false: halted.
+// Re-plans for one robot of the loaded node. The child's path is empty if there is none; false: halted.
 bool Ecbs::replan(int parent, int robot, const Constraint& constraint, Node& child) {
   const Node& node = nodes_[parent];
   std::vector<Constraint> constraints = constraints_of(parent, robot);
@@ -194,7 +194,7 @@ bool Ecbs::replan(int parent, int robot, const Constraint& constraint, Node& chi
   return result.outcome != LowLevel::Outcome::kHalted;
 }
 
-// Brings the table to the paths of a node. They are those of its nearest ancestors that changed them.
+// Sets the table to the paths of a node. Each path is that of the nearest ancestor that changed it.
 void Ecbs::load(int index) {
   const auto put = [this](int robot, Path path, int lower_bound) {
     lower_bounds_[robot] = lower_bound;

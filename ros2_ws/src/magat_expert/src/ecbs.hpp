@@ -26,11 +26,11 @@ class Ecbs {
   Solution solve(std::int64_t node_limit);
 
  private:
-  // A node says only in what it differs from its parent: one robot's path, and why it had to change.
+  // A node stores only its difference from its parent: one robot's path, and the constraint that changed it.
   struct Node {
     int parent = -1;
     int robot = -1;
-    bool constrained = false;  // false below the root: the path was exchanged for a better one, without a constraint
+    bool constrained = false;  // false below the root: a bypass, which has no constraint
     Constraint constraint;
     Path path;
     int robot_lower_bound = 0;
@@ -48,7 +48,7 @@ class Ecbs {
       if (key != other.key) {
         return key > other.key;
       }
-      // The newest first: it lies deepest, and its paths are still in the table.
+      // The newest first: it is the deepest, and its paths are still in the table.
       return second != other.second ? second > other.second : node < other.node;
     }
   };

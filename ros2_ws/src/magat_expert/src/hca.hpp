@@ -13,14 +13,14 @@ namespace magat_expert {
 
 /// Hierarchical Cooperative A* (Silver: "Cooperative Pathfinding", AIIDE 2005).
 ///
-/// One robot after another searches space-time, with its exact distances as heuristic, around the paths of those
-/// before it. A robot rests on its goal for ever, so it arrives only when no robot before it passes there any more.
+/// Robots search space-time one after another, with their exact distances as heuristic, and avoid the paths of the
+/// earlier ones. A robot rests on its goal for ever, so it may arrive only when no earlier robot passes there any more.
 /// Starts are unique, goals are unique, and every goal is reachable from its start.
 class Hca {
  public:
   Hca(const Grid& grid, std::vector<int> starts, std::vector<int> goals, Watch& watch);
 
-  /// Tries up to `orders` orders of the robots: as numbered, then shuffled, whoever found no path before in front.
+  /// Tries up to `orders` orders of the robots: by index, then shuffled, with the robot that found no path first.
   Solution solve(std::int64_t orders, std::uint64_t seed);
 
  private:
@@ -58,13 +58,13 @@ class Hca {
   std::vector<std::vector<std::int32_t>> distances_;  // [robot][cell]
   std::int64_t expansions_ = 0;
 
-  // Of the search under way.
+  // Of the current search.
   int earliest_arrival_ = 0;
   std::vector<Node> nodes_;
   std::vector<Entry> open_;
 
-  // [time][cell]: the best node made for it. From the time on at which all others rest there is one layer only: the
-  // world stands still. Never cleared: an entry counts only if that node is of this search and says so itself.
+  // [time][cell]: the best node made for it. Once all others rest, one layer serves all later times. Never cleared: an
+  // entry is valid only if the node that it refers to is of this search and has this time and cell.
   std::vector<std::vector<std::int32_t>> node_at_;
 };
 

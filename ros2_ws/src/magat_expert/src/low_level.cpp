@@ -6,10 +6,10 @@ namespace magat_expert {
 
 namespace {
 
-// The focal list takes paths up to this many steps over the lower bound, even where w would admit longer ones. A detour
-// around other robots is a matter of a few steps, however long the way is; without the cap, a search on a large map
-// with w = 5 looks at every path up to five times too long before it accepts a first conflict (measured on 200x200 cells
-// with 500 robots: 12 times slower, and costlier paths). A tighter focal list keeps every bound.
+// The focal list takes paths of at most this many steps over the lower bound, even if w would allow longer ones. A
+// detour around other robots takes a few steps, however long the path is. Without this cap, a search on a large map
+// with w = 5 expands all paths up to five times the shortest before it accepts a first conflict (measured on 200x200
+// cells with 500 robots: 12 times slower, and costlier paths). A tighter focal list does not violate the bound.
 constexpr int kFocalSlack = 10;
 
 }  // namespace
@@ -74,8 +74,8 @@ void LowLevel::prepare(int goal, const std::vector<Constraint>& constraints, con
     constraints_begin_[time] += constraints_begin_[time - 1];
   }
 
-  // From the last constraint on, and once all others rest, the world stands still. There, a path that visits a cell
-  // twice can be cut short without a new conflict, so nothing is lost by giving it one step for each free cell.
+  // After the last constraint, and once all others rest, nothing changes any more. From then on, a path that visits a
+  // cell twice can be shortened without a new conflict, so one step for each free cell is enough.
   horizon_ = std::max(last_constraint, others.layers()) + grid_.free_cells();
 
   visits_from_.assign(others.layers() + 1, 0);
@@ -105,7 +105,7 @@ bool LowLevel::allowed(int from, int to, int time) const {
 
 void LowLevel::generate(int cell, int time, int parent, int conflicts) {
   if (arrived(cell, time) && time + 1 < static_cast<int>(visits_from_.size())) {
-    conflicts += visits_from_[time + 1];  // whoever comes by later runs into the robot at rest
+    conflicts += visits_from_[time + 1];  // later visitors collide with the robot at rest
   }
   if (time >= static_cast<int>(node_at_.size())) {
     node_at_.resize(time + 1);
@@ -160,7 +160,7 @@ void LowLevel::push_focal(int index) {
   std::push_heap(focal_.begin(), focal_.end());
 }
 
-// f never falls along a path (the distance is consistent), so the smallest f in OPEN only grows.
+// f never decreases along a path (the distance is consistent), so the smallest f in OPEN never decreases either.
 void LowLevel::raise_lower_bound() {
   if (open_by_f_[lower_bound_] > 0) {
     return;

@@ -11,21 +11,22 @@ namespace magat_expert {
 
 /// The low level of ECBS: focal A* for one robot in space-time (Barer et al. 2014, section "Enhanced CBS").
 ///
-/// Among the nodes whose f is at most w times the smallest f in OPEN (and not too far above it), it expands the one with
-/// the fewest conflicts with the paths of the other robots. One object serves all searches of a solve and keeps its memory between them.
+/// Among the nodes whose f is at most w times the smallest f in OPEN (and not too far above it), it expands the one
+/// with the fewest conflicts with the paths of the other robots. One object serves all searches of a solve, and keeps
+/// its memory between them.
 class LowLevel {
  public:
   enum class Outcome { kFound, kNoPath, kHalted };
   struct Result {
     Outcome outcome = Outcome::kNoPath;
-    Path path;            // in the low level's own memory, until its next search
+    Path path;            // valid until the next search
     int lower_bound = 0;  // the smallest f in OPEN at the end: no path under these constraints arrives earlier
   };
 
   LowLevel(const Grid& grid, Bound bound, Watch& watch);
 
-  /// A path from `start` to `goal` that keeps to `constraints`. `distance` is Grid::distances_to(goal); `others` holds
-  /// the other robots' paths, and not this one's.
+  /// A path from `start` to `goal` that satisfies `constraints`. `distance` is Grid::distances_to(goal); `others` holds
+  /// the paths of the other robots only.
   Result search(int start, int goal, const std::vector<std::int32_t>& distance,
                 const std::vector<Constraint>& constraints, const PathTable& others);
 
@@ -66,7 +67,7 @@ class LowLevel {
   Watch& watch_;
   std::int64_t expansions_ = 0;
 
-  // Of the search under way.
+  // Of the current search.
   int goal_ = -1;
   const std::vector<std::int32_t>* distance_ = nullptr;
   int earliest_arrival_ = 0;  // one step after the last constraint that keeps the robot off its goal
@@ -83,8 +84,8 @@ class LowLevel {
   std::vector<Constraint> constraints_;             // sorted by time
   std::vector<std::int32_t> constraints_begin_;     // [time]: the first one at this time or later
 
-  // [time][cell]: the node made for it. Never cleared: an entry counts only if that node is of this search and says
-  // so itself.
+  // [time][cell]: the node made for it. Never cleared: an entry is valid only if the node that it refers to is of this
+  // search and has this time and cell.
   std::vector<std::vector<std::int32_t>> node_at_;
 };
 

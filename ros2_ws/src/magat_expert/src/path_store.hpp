@@ -10,8 +10,8 @@
 
 namespace magat_expert {
 
-/// Keeps the cells of all paths of a solve, in large blocks. A constraint tree grows by a hundred thousand paths a
-/// second; freed one by one, they would hold up the answer well past the time limit.
+/// Stores the cells of all paths of a solve in large blocks. A constraint tree grows by a hundred thousand paths per
+/// second; freeing them one by one would delay the answer far beyond the time limit.
 class PathStore {
  public:
   Path store(Path path) {

@@ -78,7 +78,7 @@ Conflict PathTable::first_conflict(int from_time) const {
   return {};
 }
 
-// A robot at rest finds nothing here: whoever runs into it finds it.
+// For a robot at rest it finds nothing: the conflict is found from the moving robot.
 Conflict PathTable::conflict_of(int robot, int time) const {
   const Path path = paths_[robot];
   if (time > path.arrival()) {

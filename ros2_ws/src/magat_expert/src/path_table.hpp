@@ -7,17 +7,17 @@
 
 namespace magat_expert {
 
-/// Who is where and when: the paths of one node of the constraint tree, indexed by time and cell.
+/// The paths of one node of the constraint tree, indexed by time and cell.
 ///
 /// A layer per time step holds, for each cell, the first robot there; `next_` chains the others, since the paths of a
-/// node may still conflict. Adding or removing a path costs its length, so going from one node to another costs only
-/// the paths in which they differ. Robots at rest are not entered step by step: goals are unique, so the time since
-/// which somebody rests on a cell says everything.
+/// node may still conflict. Adding or removing a path takes time proportional to its length, so that changing from one
+/// node to another costs only the paths in which they differ. Robots at rest are not entered in the layers: goals are
+/// unique, so the time from which a robot rests on a cell is enough.
 class PathTable {
  public:
   PathTable(int cells, int robots);
 
-  /// Enters the path of a robot that has none in the table. Its cells must outlive its stay.
+  /// Add the path of a robot that has none in the table. The cells must stay valid until `remove`.
   void add(int robot, Path path);
   void remove(int robot);
 
@@ -42,7 +42,7 @@ class PathTable {
     return conflicts;
   }
 
-  /// How many robots stand on `cell` at `time`, those at rest left out.
+  /// How many robots are on `cell` at `time`, without those at rest.
   int visitors(int cell, int time) const;
 
   /// Time steps that have a layer: from this time on, every robot in the table rests.
@@ -66,11 +66,11 @@ class PathTable {
   Conflict conflict_of(int robot, int time) const;
 
   int cells_;
-  std::vector<std::vector<std::int16_t>> layers_;  // [time][cell], -1: nobody
+  std::vector<std::vector<std::int16_t>> layers_;  // [time][cell], -1: no robot
   std::vector<std::vector<std::int16_t>> next_;    // [robot][time]
   std::vector<Path> paths_;                        // [robot]
-  std::vector<std::int32_t> rest_from_;            // [cell], kNever: nobody comes to rest here
-  std::vector<std::int16_t> rest_robot_;           // [cell], of use where rest_from_ is not kNever
+  std::vector<std::int32_t> rest_from_;            // [cell], kNever: no robot rests here
+  std::vector<std::int16_t> rest_robot_;           // [cell], valid where rest_from_ is not kNever
 };
 
 }  // namespace magat_expert

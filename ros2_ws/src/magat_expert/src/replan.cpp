@@ -38,7 +38,7 @@ Solution Replan::solve(std::int64_t max_steps, std::uint64_t seed) {
     const std::int64_t distance = distances_[i][starts_[i]];
     longest = std::max(longest, distance);
     solution.lower_bound += distance;
-    // Robots are not on the map yet, so that this is the shortest path of all.
+    // No robot is on the map yet, so this is the shortest path.
     going = search(static_cast<int>(i)) != Outcome::kHalted && !watch_.expired();
   }
   for (std::size_t i = 0; i < starts_.size(); ++i) {
@@ -63,7 +63,7 @@ void Replan::finish(Solution& solution) const {
   if (all_arrived()) {
     solution.status = Solution::Status::kSolved;
     for (std::size_t i = 0; i < starts_.size(); ++i) {
-      // Nobody leaves a goal, so the first visit is the arrival.
+      // Robots do not leave their goals, so the first visit is the arrival.
       const auto arrival = std::find(walked_[i].begin(), walked_[i].end(), goals_[i]);
       solution.cost += arrival - walked_[i].begin();
     }
@@ -76,7 +76,7 @@ void Replan::finish(Solution& solution) const {
   }
 }
 
-// One time step of all robots. False: halted, and nobody has moved.
+// One time step of all robots. False: halted, and no robot has moved.
 bool Replan::step(const std::vector<int>& order, bool& moved) {
   ++step_;
   std::vector<int> next(at_);
@@ -119,7 +119,7 @@ bool Replan::decide(int robot, int& next) {
   return true;
 }
 
-// Whoever has not decided may stay, so its cell is taken: that rules out swaps, too.
+// A robot that has not decided may stay, so its cell is taken; this also excludes swaps.
 bool Replan::taken(int cell) const {
   const int other = robot_at_[cell];
   return claimed_[cell] == step_ || (other >= 0 && decided_[other] != step_);
@@ -130,7 +130,7 @@ bool Replan::in_the_way(int robot, int cell) const {
   return (step_ > 0 && claimed_[cell] == step_) || (other >= 0 && other != robot);
 }
 
-// A* from the robot's cell to its goal around all others; if there is a path, it is the robot's plan.
+// A* from the robot's cell to its goal around all others. A path that is found becomes the robot's plan.
 Replan::Outcome Replan::search(int robot) {
   ++search_;
   open_.clear();

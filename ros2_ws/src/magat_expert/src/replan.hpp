@@ -9,17 +9,17 @@
 
 namespace magat_expert {
 
-/// The baseline "Replan" (global re-planning, Wang et al. 2020): nobody plans around the future of others.
+/// The baseline "Replan" (global re-planning, Wang et al. 2020): robots ignore the plans of others.
 ///
-/// Each robot follows a shortest path. Robots decide on their steps one after another, in a random order, anew in each
-/// time step. Where a step meets a conflict, the robot plans anew around the cells of all other robots, and waits if
-/// there is no such path. Nobody moves off a goal. Goals are unique, starts are unique.
+/// Each robot follows a shortest path. In each time step, robots decide one after another, in a random order. If a step
+/// is in conflict, the robot re-plans around the cells of all other robots, and waits if there is no such path. Robots
+/// never leave their goals. Goals are unique, starts are unique.
 class Replan {
  public:
   Replan(const Grid& grid, std::vector<int> starts, std::vector<int> goals, Watch& watch);
 
-  /// Ends when all are on their goals, when nobody can move any more, or after `max_steps` (< 0: 3 times the longest of
-  /// the shortest paths). What was walked until then is in the solution whatever its status.
+  /// Ends when all robots are on their goals, when no robot can move, or after `max_steps` (< 0: 3 times the longest of
+  /// the shortest paths). With any status, the solution holds the paths up to then.
   Solution solve(std::int64_t max_steps, std::uint64_t seed);
 
  private:
@@ -53,16 +53,16 @@ class Replan {
   std::vector<std::vector<std::int32_t>> plans_;      // [robot]: the cells to come, the next one last
   std::vector<std::vector<std::int32_t>> walked_;     // [robot][time]
   std::vector<int> at_;                               // [robot]: its cell
-  std::vector<std::int32_t> robot_at_;                // [cell], -1: nobody
+  std::vector<std::int32_t> robot_at_;                // [cell], -1: no robot
   std::int64_t replans_ = 0;
   std::int64_t expansions_ = 0;
 
-  // Of the time step under way: a number in these is the step that it is valid in.
+  // Of the current time step. An entry is valid if it equals step_.
   int step_ = 0;
   std::vector<int> decided_;  // [robot]
-  std::vector<int> claimed_;  // [cell]: somebody will be here after the step
+  std::vector<int> claimed_;  // [cell]: a robot will be here after the step
 
-  // Of A*: entries of another search do not count.
+  // Of A*. An entry is valid if seen_in_ equals search_.
   int search_ = 0;
   std::vector<int> seen_in_;
   std::vector<std::int32_t> steps_to_;

@@ -7,7 +7,7 @@
 
 namespace magat_expert {
 
-/// A random order, the same on every platform; std::shuffle promises none.
+/// Shuffles in the same way on every platform, unlike std::shuffle.
 inline void shuffle(std::vector<int>& order, std::mt19937_64& generator) {
   for (std::size_t i = order.size(); i > 1; --i) {
     std::swap(order[i - 1], order[generator() % i]);

@@ -13,8 +13,8 @@ namespace magat_expert {
 
 constexpr int kNever = std::numeric_limits<int>::max();
 
-/// Cells by time step, from the start at time 0 to the arrival; the robot rests on the last one for ever. A view: the
-/// cells lie in a PathStore.
+/// Cells by time step, from the start at time 0 to the arrival; the robot rests on the last one for ever. A view: a
+/// PathStore owns the cells.
 struct Path {
   const std::int32_t* cells = nullptr;
   int length = 0;
@@ -25,8 +25,8 @@ struct Path {
   bool empty() const { return length == 0; }
 };
 
-/// What one robot may not do. `from` < 0: stand on `to` at `time`. Otherwise: move from `from` to `to`, arriving at
-/// `time`.
+/// A position or move that one robot must avoid. `from` < 0: stand on `to` at `time`. Otherwise: move from `from` to
+/// `to`, arriving at `time`.
 struct Constraint {
   int time = 0;
   int from = -1;
@@ -42,8 +42,8 @@ struct Conflict {
   bool found() const { return first >= 0; }
 };
 
-/// floor(w * cost), exactly. Both levels of the search compare integers against it: a rounded product could admit a
-/// robot's path and refuse the sum of all of them, which would leave the focal list of the constraint tree empty.
+/// floor(w * cost), exact. Both levels of the search compare integers with it. A rounded product could accept each
+/// robot's path but not their sum, and then the focal list of the constraint tree would be empty.
 class Bound {
  public:
   explicit Bound(double w) : numerator_(static_cast<std::uint64_t>(std::ldexp(w, kShift))) {}
@@ -52,7 +52,7 @@ class Bound {
   }
 
  private:
-  // A double in [1, 2) has 52 bits behind the point, a larger one fewer: nothing is cut off.
+  // A double in [1, 2) has 52 fractional bits, a larger one fewer, so the conversion is exact.
   static constexpr int kShift = 52;
   __extension__ using Wide = unsigned __int128;
   std::uint64_t numerator_;
@@ -60,7 +60,7 @@ class Bound {
 
 enum class Halt { kNone, kTimeLimit, kStopped };
 
-/// Tells the search when to give up. `poll` is called about ten times a second and ends the search by returning true.
+/// Tells the search when to end. `poll` is called about ten times a second and ends the search by returning true.
 class Watch {
  public:
   Watch(double seconds, const std::atomic<bool>* stop, std::function<bool()> poll)
@@ -68,7 +68,7 @@ class Watch {
 
   double elapsed() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
 
-  /// True from the moment the search has to end. Reads the clock: cheap, but not for every expansion.
+  /// True from the moment the search has to end. It reads the clock, so do not call it in every expansion.
   bool expired() {
     if (halt_ != Halt::kNone) {
       return true;

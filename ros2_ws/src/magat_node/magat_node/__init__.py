@@ -1,1 +1,1 @@
-"""What every node of the team does alike: quality of service, parameters, running until told to end."""
+"""Shared code of all nodes: topics, quality of service, parameters, actions, and running until a signal."""

@@ -1,8 +1,8 @@
-"""The feature messages as bytes, without rclpy's conversion.
+"""Serialised Feature and FeatureBundle messages, read and written without rclpy's conversion.
 
-A team of N robots exchanges N^2 of them in a tick, most of them out of range: reading the tag out of the serialised
-message takes a fraction of the time that making a message object does. The layout is CDR's (OMG DDSI-RTPS),
-little-endian: each number on a multiple of its size after a header of four bytes.
+With the direct radio, the N robots of a team receive N^2 Features in a round, and most are out of range. Reading the
+tag from the serialised message takes a fraction of the time of creating a message object. The layout is CDR (OMG
+DDSI-RTPS), little-endian: a header of four bytes, then the fields, each aligned to its size.
 """
 
 import struct
@@ -56,7 +56,7 @@ def pack_feature(episode: int, tick: int, number: int, tag: int, encoding: int, 
 
 
 def feature_bytes(payloads: Iterable[int]) -> int:
-    """Bytes of serialised `Feature` messages with payloads of so many bytes."""
+    """Total size of serialised `Feature` messages with payloads of the given sizes, bytes."""
     return sum(4 + _FEATURE.size + payload for payload in payloads)
 
 
@@ -107,5 +107,5 @@ def _message(data: bytes, kind: str) -> Any:
 
     try:
         return deserialize_message(data, getattr(msg, kind))
-    except Exception:  # which one depends on the middleware
+    except Exception:  # its type depends on the middleware
         return None

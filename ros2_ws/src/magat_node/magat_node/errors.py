@@ -1,12 +1,12 @@
-"""The errors that are the user's to mend; free of ROS."""
+"""Errors that the user can fix. Free of ROS."""
 
 
 class MagatError(Exception):
-    """Something that the user can mend is wrong; the message says what, the value, and what to do.
+    """The base of all errors that the user can fix. The message says what is wrong, the value, and what to do.
 
-    The ``magat`` command prints it in one line. Anything else that is raised is a defect.
+    The ``magat`` command prints it in one line. Any other exception is a bug.
     """
 
 
 class TeamError(MagatError, RuntimeError):
-    """The team cannot go on; the message says which process failed and what it said."""
+    """The team cannot continue; the message says which process failed and what it logged last."""

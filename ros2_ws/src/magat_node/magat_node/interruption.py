@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM, remembered: an exception raised by a signal handler is lost where Python cannot pass it on."""
+"""Remembers SIGINT and SIGTERM, because an exception from a signal handler is lost inside callbacks from C code."""
 
 import signal
 from collections.abc import Iterator
@@ -10,13 +10,13 @@ _requested = False
 
 
 def check() -> None:
-    """Raise KeyboardInterrupt if one of the signals has come since `watch` was called."""
+    """Raise KeyboardInterrupt if one of the signals has arrived since `watch` was called."""
     if _requested:
         raise KeyboardInterrupt
 
 
 def watch() -> None:
-    """From now on both signals raise KeyboardInterrupt, and `check` raises it again if that went unnoticed."""
+    """Let both signals raise KeyboardInterrupt. If that exception is lost, `check` raises it again."""
     global _requested
     _requested = False
     for number in SIGNALS:
@@ -25,7 +25,7 @@ def watch() -> None:
 
 @contextmanager
 def deferred() -> Iterator[None]:
-    """Within it the signals raise nothing by themselves and cut no callback off: call `check` between callbacks."""
+    """A context in which signals interrupt no callback. Call `check` between callbacks to raise KeyboardInterrupt."""
     before = {number: signal.signal(number, _note) for number in SIGNALS}
     try:
         yield

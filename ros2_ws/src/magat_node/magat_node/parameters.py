@@ -1,4 +1,4 @@
-"""Parameters with a meaning and a range, fixed once the node runs."""
+"""Read-only parameters with a description and a range."""
 
 from typing import Any
 
@@ -33,12 +33,12 @@ def declare_choice(node: Node, name: str, default: str, choices: list[str], mean
     """Declare a parameter that is one of ``choices`` and return its value.
 
     Raises:
-        ValueError: it is none of them.
+        ValueError: it is not one of them.
     """
     descriptor = ParameterDescriptor(description=meaning, additional_constraints=f"one of {choices}")
     value = _declare(node, name, default, descriptor)
     if value not in choices:
-        raise ValueError(f"the parameter {name} is {value!r}: it is one of {choices}")
+        raise ValueError(f"the parameter {name} is {value!r}: choose one of {choices}")
     return value
 
 

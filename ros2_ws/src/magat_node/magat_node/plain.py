@@ -5,7 +5,7 @@ from typing import Any
 
 
 def plain(value: Any) -> Any:
-    """``value`` with None in place of numbers that JSON does not have: NaN and the infinities."""
+    """``value`` with None instead of NaN and infinities, which JSON does not have."""
     if isinstance(value, dict):
         return {key: plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):

@@ -1,4 +1,4 @@
-"""Running a node until it is told to end."""
+"""Running a node until SIGINT or SIGTERM."""
 
 import os
 import signal
@@ -11,9 +11,9 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-#: How long a node may take to notice that it should end, seconds.
+#: Longest time in which a node notices a signal, seconds.
 REACTION = 0.2
-#: Of a process that only listens.
+#: Niceness of processes that only record or show the team.
 NICENESS = 10
 _told_to_end = threading.Event()
 
@@ -22,14 +22,14 @@ def run_node(name: str, create: Callable[[], Node], args: list[str] | None = Non
     """Create a node and run it until SIGINT or SIGTERM.
 
     Args:
-        name: to log under if there will be no node.
-        create: makes the node; a ValueError that it raises is fatal, and its message is for the user.
-        args: command line; that of the process if None.
+        name: the logger's name if the node cannot be created.
+        create: creates the node. A ValueError is logged as fatal, and ends the process.
+        args: command-line arguments; those of the process if None.
 
     Returns:
         The exit status: 0, or 1 if the node could not be created.
     """
-    # rclpy's own handlers shut the context down under a running callback, which then fails. These only set a flag.
+    # rclpy's own handlers shut the context down during a running callback, which then fails. These only set a flag.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _end)
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
@@ -51,9 +51,9 @@ def run_node(name: str, create: Callable[[], Node], args: list[str] | None = Non
 
 
 def give_way() -> None:
-    """Let the team go first where processors are busy; for who only listens to it, before its node is made.
+    """Lower this process's priority below the team's. For tools; call it before the node is created.
 
-    What comes meanwhile waits in the receive buffer.
+    Messages that arrive while the processors are busy wait in the receive buffer.
     """
     os.nice(NICENESS)
 

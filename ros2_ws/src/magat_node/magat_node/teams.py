@@ -1,4 +1,4 @@
-"""Finding a team that runs."""
+"""Finding running teams."""
 
 from typing import NamedTuple
 
@@ -8,12 +8,12 @@ from magat_interfaces.msg import FeatureBundle, Observation, World
 from magat_node.errors import TeamError
 from magat_node.visitor import Visitor
 
-#: How long to look for a team, seconds.
+#: How long to search for a team, seconds.
 PATIENCE = 30.0
 
 
 class RunningTeam(NamedTuple):
-    """A team that runs."""
+    """A running team."""
 
     namespace: str
     robots: list[str]
@@ -21,10 +21,10 @@ class RunningTeam(NamedTuple):
 
 
 def find_team(namespace: str | None) -> RunningTeam:
-    """The team whose simulator runs in ``namespace``, or anywhere.
+    """Find the team in ``namespace``, or the only one in any namespace.
 
     Raises:
-        TeamError: there is none, or more than one and no ``namespace``.
+        TeamError: there is no such team, or there are several and ``namespace`` is None.
     """
     found: list[RunningTeam] = []
 
@@ -38,26 +38,26 @@ def find_team(namespace: str | None) -> RunningTeam:
         raise TeamError(f"there are teams in {', '.join(t.namespace for t in found)}: choose one by --namespace")
     if not found:
         raise TeamError(
-            f"no simulator after {PATIENCE:g} s: start a team first, and name its ROS domain by --domain, or as in the "
-            "team's own shell"
+            f"no simulator after {PATIENCE:g} s: start a team first, and give its ROS domain by --domain or in the "
+            "environment"
         )
     return found[0]
 
 
 def _teams(node: Node) -> list[RunningTeam]:
-    """The teams whose simulators can be seen with all that they speak on."""
+    """The teams whose simulators have been discovered with all their publishers."""
     found = []
     for name, namespace in node.get_node_names_and_namespaces():
         if name != "simulator":
             continue
-        spoken: dict[str, list[str]] = {}
+        published: dict[str, list[str]] = {}
         for topic, (kind, *_) in node.get_publisher_names_and_types_by_node(name, namespace):
-            spoken.setdefault(kind, []).append(topic)
-        # The simulator speaks of the world on the topic that it makes last.
-        if _kind(World) in spoken:
+            published.setdefault(kind, []).append(topic)
+        # The simulator creates the publisher of World after those of observations and bundles.
+        if _kind(World) in published:
             start, end = len(namespace.rstrip("/")) + 1, -len("/observation")
-            robots = sorted(topic[start:end] for topic in spoken[_kind(Observation)])
-            found.append(RunningTeam(namespace, robots, "relayed" if _kind(FeatureBundle) in spoken else "direct"))
+            robots = sorted(topic[start:end] for topic in published[_kind(Observation)])
+            found.append(RunningTeam(namespace, robots, "relayed" if _kind(FeatureBundle) in published else "direct"))
     return found
 
 

@@ -15,10 +15,10 @@ from magat_node import interruption
 
 
 class Visitor:
-    """In a ``with`` statement: a ``node`` of its own that works only in `spin`."""
+    """A ``node`` for use in a ``with`` statement; its callbacks run only in `spin`."""
 
     def __init__(self, name: str, namespace: str = "/", domain: int | None = None) -> None:
-        """Make the node ``name`` in ``namespace``, in ROS domain ``domain`` or, if that is None, the environment's."""
+        """Create the node ``name`` in ``namespace``, in ROS domain ``domain``; in the environment's domain if None."""
         self._deferred = ExitStack()
         self._deferred.enter_context(interruption.deferred())
         self._context = rclpy.Context()
@@ -28,10 +28,10 @@ class Visitor:
         self._executor.add_node(self.node)
 
     def spin(self, until: Callable[[], bool], timeout: float = float("inf")) -> bool:
-        """Work until a condition holds; False if it does not within ``timeout`` seconds.
+        """Run callbacks until the condition ``until`` holds; False if it does not within ``timeout`` seconds.
 
         Raises:
-            KeyboardInterrupt: interrupted.
+            KeyboardInterrupt: SIGINT or SIGTERM has arrived.
         """
         deadline = time.monotonic() + timeout
         while not until():
@@ -43,7 +43,7 @@ class Visitor:
         return True
 
     def watch(self) -> None:
-        """Called again and again in `spin`, to raise what should end it."""
+        """Called repeatedly in `spin`. Override it to raise errors that should end the spinning."""
 
     def __enter__(self) -> Self:
         return self
@@ -53,8 +53,9 @@ class Visitor:
     ) -> None:
         self._deferred.close()
         self._executor.remove_node(self.node)
-        # The executor keeps callbacks, whose object may keep the executor: a circle that the garbage collector does not
-        # see. And action clients are not destroyed with their node. Either would keep it alive, with all its threads.
+        # The executor refers to callbacks, and their object may refer to the executor: a cycle that the garbage
+        # collector does not find. Action clients are not destroyed with their node. Both would keep the node and its
+        # threads alive.
         self._executor.shutdown()
         for waitable in list(self.node.waitables):
             if isinstance(waitable, ActionClient):

@@ -278,7 +278,7 @@ def _int16(values: np.ndarray) -> array.array:
 
 
 def main(args: list[str] | None = None) -> int:
-    """Run the simulator until it is told to end. Returns the exit status."""
+    """Run the simulator until SIGINT or SIGTERM. Returns the exit status."""
     return run_node("simulator", SimulatorNode, args)
 
 

@@ -1,4 +1,4 @@
-"""``magat bench-expert``: how fast the expert is on the scenario sets, and how close to its bound."""
+"""``magat bench-expert``: the time of the expert on sets of cases, and its cost against the lower bound."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -11,13 +11,13 @@ from magat_expert import Solution, solve_many
 from magat_node.progress import tracked
 from magat_sim.case import Case, draw_case
 
-#: Share of obstacle cells of all scenario sets.
+#: Share of obstacle cells of all sets.
 _DENSITY = 0.1
 
 
 @dataclass(frozen=True)
 class ExpertSet:
-    """Square maps of one size with a number of robots each, and the bound that the expert solves them with."""
+    """Cases on square maps of one size with one number of robots, and the expert's suboptimality bound w."""
 
     side: int
     robots: int
@@ -25,6 +25,7 @@ class ExpertSet:
 
     @property
     def name(self) -> str:
+        """Cells and robots, e.g. 20x20 (10)."""
         return f"{self.side}x{self.side} ({self.robots})"
 
     def cases(self, count: int, seed: int) -> Iterator[Case]:
@@ -41,7 +42,7 @@ LARGE_SETS = tuple(ExpertSet(side, robots, 5.0) for side, robots in ((100, 500),
 
 @dataclass(frozen=True)
 class ExpertSpeed:
-    """What was measured on the cases of one set, unsolved ones included unless said otherwise."""
+    """Measures on the cases of one set, including unsolved ones unless stated otherwise."""
 
     cases: int
     #: Wall time of a search, milliseconds.
@@ -49,16 +50,16 @@ class ExpertSpeed:
     median: float
     p95: float
     longest: float
-    #: Space-time nodes that a second of search expands.
+    #: Space-time nodes expanded per second of search.
     expansions_per_second: float
-    #: Cost / lower bound, the sums over the solved cases; NaN if none is solved. It is at most w.
+    #: Sum of costs / sum of lower bounds over the solved cases, at most w; NaN if none is solved.
     cost_ratio: float
     #: Share of the cases that were solved within the time limit.
     solved: float
 
 
 def measure(solutions: Sequence[Solution]) -> ExpertSpeed:
-    """The figures of at least one search."""
+    """The measures of ``solutions``, at least one."""
     milliseconds = 1000.0 * np.array([solution.seconds for solution in solutions])
     solved = [solution for solution in solutions if solution.solved]
     lower_bound = sum(solution.lower_bound for solution in solved)
@@ -80,7 +81,7 @@ def bench_expert(
     """Solve cases one after another, on one core.
 
     Args:
-        counts: the sets, and of how many cases each.
+        counts: the sets, each with a number of cases.
         seed: of the cases.
         time_limit: of each search, seconds.
         console: shows the progress.
@@ -93,8 +94,8 @@ def bench_expert(
 
 
 def table(counts: Sequence[tuple[ExpertSet, int]], speeds: Sequence[ExpertSpeed]) -> Table:
-    """``speeds`` of the sets of ``counts`` for people."""
-    result = Table(title="ECBS, milliseconds of search a case", title_justify="left", box=None, pad_edge=False)
+    """``speeds`` of the sets in ``counts`` for the terminal."""
+    result = Table(title="ECBS, milliseconds of search per case", title_justify="left", box=None, pad_edge=False)
     for heading in ("set", "w", "cases", "mean", "median", "p95", "max", "Mexp/s", "cost/lb", "solved"):
         result.add_column(heading, justify="left" if heading == "set" else "right", no_wrap=True)
     for (which, _), speed in zip(counts, speeds, strict=True):

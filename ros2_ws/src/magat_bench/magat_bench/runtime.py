@@ -1,4 +1,4 @@
-"""``magat bench-runtime``: how fast a team ticks, by radio and processes, and what of it is the network's."""
+"""``magat bench-runtime``: ticks per second of a team by radio, backend and processes."""
 
 import os
 import tempfile
@@ -28,37 +28,37 @@ from magat_viewer.address import HOST as PAGE_HOST
 from magat_viewer.address import free_port
 from magat_viewer.follower import Follower
 
-#: How long a team may take to come together, seconds.
+#: Limit for the start of a team, seconds.
 READY = 300.0
 
 
 @dataclass(frozen=True)
 class RuntimeSetting:
-    """A team to be measured: on square maps as dense with robots as 20x20 with 10."""
+    """A team to measure, on square maps with as many robots per cell as 20x20 with 10."""
 
     processes: int
     crew: int
     radio: str
     backend: str
-    #: Whether all that the team says is recorded.
+    #: Whether the team is recorded.
     recorded: bool = False
-    #: Whether somebody follows it by the page, and looks at a robot.
+    #: Whether a client follows the page, with a robot selected.
     viewed: bool = False
 
     @property
     def robots(self) -> int:
-        """In all processes."""
+        """Robots in all processes."""
         return self.processes * self.crew
 
     @property
     def side(self) -> int:
-        """Of the map, cells."""
+        """Side of the map, cells."""
         return round((self.robots * 40) ** 0.5)
 
 
 @dataclass(frozen=True)
 class Speed:
-    """What was measured of a setting."""
+    """Measures of a setting."""
 
     ticks: int
     ticks_per_second: float
@@ -67,17 +67,17 @@ class Speed:
     p99: float
     #: Seconds from the first process to the first episode's start.
     startup: float
-    #: Memory of a robot's own (PSS: shared memory divided by those that share it), MiB.
+    #: Memory per robot (PSS: shared memory is divided among the processes that share it), MiB.
     memory: float
-    #: Messages that were not there in time.
+    #: Messages that did not arrive in time.
     missing: int
 
 
 class _Timed:
-    """A team in a ``with`` statement, whose ticks are timed."""
+    """A team in a ``with`` statement, with timed ticks."""
 
     def __init__(self, setting: RuntimeSetting, policy: Path) -> None:
-        """Of ``setting``, carrying ``policy``."""
+        """Prepare a team of ``setting`` with ``policy``."""
         self.setting, self._policy = setting, policy
         self._stack = ExitStack()
         self._startup = 0.0
@@ -114,7 +114,7 @@ class _Timed:
         self._stack.close()
 
     def time(self, ticks: int) -> Speed:
-        """Run episodes, always the same, for at least ``ticks`` ticks."""
+        """Run episodes, the same in each call, for at least ``ticks`` ticks."""
         seconds: list[float] = []
         missing, spent = 0, 0.0
         for number in SPLITS["test"]:
@@ -132,14 +132,14 @@ class _Timed:
 
     @contextmanager
     def page(self) -> Iterator[None]:
-        """The page of the team, followed, a robot chosen, as long as the ``with`` statement lasts."""
+        """Run the page of the team, with a client and a selected robot, within the ``with`` statement."""
         plan = PagePlan(self._plan.team, self._policy, view=free_port())
         with (
             TeamProcesses(plan, self._folder / "page", self._variables) as page,
             Follower(f"http://{PAGE_HOST}:{plan.view}/", chosen=0) as follower,
         ):
             deadline = time.monotonic() + READY
-            while follower.last.get("detail", {}).get("no_attention") != "":  # the page knows the robot's thoughts
+            while follower.last.get("detail", {}).get("no_attention") != "":  # the page shows the robot's attention
                 page.check()
                 if time.monotonic() > deadline:
                     raise TeamError(f"the page shows nothing of the chosen robot after {READY:g} s")
@@ -149,7 +149,7 @@ class _Timed:
     def _episode(self, number: int) -> EpisodeOutcome:
         side = self.setting.side
         goal = RunEpisode.Goal(seed=SET_SEED, number=number, width=side, height=side)
-        # Long enough for most episodes; teams that walk at random never finish theirs.
+        # Long enough for most episodes; robots with the backend echo walk at random and do not finish.
         goal.density, goal.t_max = 0.1, 4 * side
 
         def note(feedback: RunEpisode.Feedback) -> None:
@@ -159,10 +159,10 @@ class _Timed:
 
 
 def measure(setting: RuntimeSetting, policy: Path, ticks: int) -> Speed:
-    """Run episodes on a team of ``setting``, which nobody views, for at least ``ticks`` ticks.
+    """Run episodes on a team of ``setting``, without the page, for at least ``ticks`` ticks.
 
     Raises:
-        TeamError: the team cannot be started, or does not come together.
+        TeamError: the team cannot be started, or is not complete in time.
     """
     with _Timed(setting, policy) as team:
         return team.time(ticks)
@@ -171,15 +171,16 @@ def measure(setting: RuntimeSetting, policy: Path, ticks: int) -> Speed:
 def measure_viewed(
     setting: RuntimeSetting, policy: Path, ticks: int, turns: int
 ) -> Iterator[tuple[RuntimeSetting, Speed]]:
-    """One and the same team with the page and without it, ``turns`` times by turns: two starts would differ by more.
+    """Measure one team with the page and without it, in ``turns`` turns.
 
-    Each turn runs the same episodes, for at least ``ticks`` ticks; the page comes and goes, and who goes first changes.
+    It is the same team because two starts differ by more than the page costs. Each turn runs the same episodes twice,
+    for at least ``ticks`` ticks, and alternates which of the two is first.
 
     Raises:
         TeamError: as `measure`, or the page shows nothing.
     """
     with _Timed(setting, policy) as team:
-        team.time(ticks)  # nobody's first
+        team.time(ticks)  # a warm-up
         for number in range(2 * turns):
             viewed = number % 4 in (1, 2)
             with team.page() if viewed else nullcontext():
@@ -187,7 +188,7 @@ def measure_viewed(
 
 
 def inference(policy: Path, backend: str, neighbours: int = 4, repetitions: int = 200) -> float:
-    """Milliseconds in which one robot looks, hears ``neighbours`` messages a round, and decides; the median."""
+    """Median time of one robot's perception, communication with ``neighbours`` robots, and decision, milliseconds."""
     loaded = load_policy(policy, backend)
     view = np.zeros((1, 3, 11, 11), dtype=np.uint8)
     present, stream = np.ones((1, neighbours), dtype=bool), np.zeros(1, dtype=np.uint64)
@@ -205,7 +206,7 @@ def inference(policy: Path, backend: str, neighbours: int = 4, repetitions: int 
 def bench_runtime(
     settings: Iterable[RuntimeSetting], policy: Path, ticks: int, turns: int, view: bool, console: Console
 ) -> Iterator[tuple[RuntimeSetting, Speed]]:
-    """`measure` each of ``settings`` in so many turns, or by `measure_viewed` if ``view``, with progress."""
+    """`measure` each of ``settings`` in ``turns`` turns, or `measure_viewed` if ``view``, with progress."""
     settings = list(settings)
     with progress_bars(console) as progress:
         task = progress.add_task("teams", total=turns * len(settings) * (1 + view))
@@ -223,18 +224,18 @@ def bench_runtime(
                     yield result
             return
         for number in range(turns):
-            # Every other turn backwards: the machine changes with time, and who is always second would be the slower.
+            # Every other turn is backwards, because the speed of the machine changes with time.
             for setting in settings[:: -1 if number % 2 else 1]:
                 yield named(setting), measure(setting, policy, ticks)
                 progress.advance(task)
 
 
 def summary(results: Iterable[tuple[RuntimeSetting, Speed]], inferences: Mapping[str, float]) -> str:
-    """What a tick costs besides the messages, in sentences, by medians of what was measured several times.
+    """Sentences that compare settings, by medians over turns: with echo robots, with recording, with the page.
 
     Args:
-        results: of settings, one or more of each.
-        inferences: milliseconds of one robot, by backend.
+        results: one or more of each setting.
+        inferences: time of `inference` by backend, milliseconds.
     """
     lines = [f"One robot's inference: {', '.join(f'{b} {ms:.2f} ms' for b, ms in inferences.items())}."]
     results = list(results)
@@ -252,7 +253,7 @@ def summary(results: Iterable[tuple[RuntimeSetting, Speed]], inferences: Mapping
         alone = speeds.get(replace(setting, recorded=False, viewed=False))
         if (setting.recorded or setting.viewed) and alone is not None:
             how = "recorded" if setting.recorded else "viewed"
-            # By turns, because the machine changes from one to the next.
+            # Turn by turn, because the speed of the machine changes with time.
             changes = np.array(several) / np.array(alone) - 1
             lines.append(
                 f"{setting.processes} x {setting.crew}, {setting.radio}, {setting.backend}: {np.median(several):.0f} "
@@ -263,7 +264,7 @@ def summary(results: Iterable[tuple[RuntimeSetting, Speed]], inferences: Mapping
 
 
 def _by_setting(results: Iterable[tuple[RuntimeSetting, Speed]], name: str) -> dict[RuntimeSetting, list[float]]:
-    """The values of a `Speed`'s ``name`` by setting, in the order in which they were measured."""
+    """The values of the field ``name`` of `Speed` by setting, in the order of measurement."""
     values: dict[RuntimeSetting, list[float]] = {}
     for setting, speed in results:
         values.setdefault(setting, []).append(getattr(speed, name))
@@ -271,9 +272,9 @@ def _by_setting(results: Iterable[tuple[RuntimeSetting, Speed]], name: str) -> d
 
 
 def table(results: Iterable[tuple[RuntimeSetting, Speed]]) -> Table:
-    """The results for people."""
+    """The results for the terminal."""
     result = Table(box=None, pad_edge=False, collapse_padding=True)
-    result.caption, result.caption_justify = "MiB: of a robot; missing: messages", "left"
+    result.caption, result.caption_justify = "MiB: per robot; missing: messages", "left"
     columns = ("team", "radio", "with", "ticks", "ticks/s", "p50 ms", "p99 ms", "start s", "MiB", "missing")
     for heading in columns:
         result.add_column(heading, justify="right", no_wrap=True)

@@ -1,4 +1,4 @@
-"""``magat bench-sim``: how fast the batched simulator is with a policy in it, and what takes how long."""
+"""``magat bench-sim``: the speed of the batched simulator with a policy, and the time of each part of a step."""
 
 import cProfile
 import pstats
@@ -25,7 +25,7 @@ from magat_sim.shield import SHIELDS
 from magat_sim.simulator import Rules, Simulator
 from magat_sim.streams import episode_streams
 
-#: The parts of a step, by what computes each; what is left of a step goes to the last one.
+#: The functions that compute each part of a step; `MOVE` is the rest.
 PARTS: dict[str, Sequence[Callable[..., Any]]] = {
     "observation": [field_of_view],
     "radio graph": [neighbours],
@@ -38,7 +38,7 @@ MOVE = "move"
 
 @dataclass(frozen=True)
 class SimSet:
-    """Worlds simulated together: square maps of one size, with a number of robots and of steps each."""
+    """Worlds that are simulated together: square maps of one size, with equal numbers of robots and steps."""
 
     side: int
     robots: int
@@ -47,16 +47,16 @@ class SimSet:
 
     @property
     def map_name(self) -> str:
-        """Of one of the worlds, e.g. 20x20 (10)."""
+        """Cells and robots of one of the worlds, e.g. 20x20 (10)."""
         return f"{self.side}x{self.side} ({self.robots})"
 
     @property
     def name(self) -> str:
-        """Of all of them."""
+        """Name of the whole set."""
         return f"{self.worlds} of {self.map_name}"
 
     def simulator(self, rules: Rules) -> Simulator:
-        """All worlds at their start."""
+        """A simulator with all worlds at their start."""
         numbers = range(self.worlds)
         return Simulator(
             [draw_case(SET_SEED, number, self.side, self.side, self.robots, 0.1) for number in numbers],
@@ -79,23 +79,23 @@ SETS = (
 
 @dataclass(frozen=True)
 class SimSpeed:
-    """What was measured on one set."""
+    """Measures on one set."""
 
     which: SimSet
     seconds: float
     steps: int
-    #: Steps of the robots of worlds that still ran.
+    #: Steps of all robots in worlds that were not done.
     robot_steps: int
     #: Share of the time by part.
     shares: dict[str, float]
 
 
 def bench_sim(folder: Path, sets: Sequence[SimSet], rules: Rules, threads: int, console: Console) -> Iterator[SimSpeed]:
-    """Run each set once, every robot carrying the policy in ``folder``.
+    """Run each set once, every robot by the policy in ``folder``.
 
     Args:
         folder: of the policy.
-        sets: one after the other.
+        sets: run one after the other.
         rules: of all worlds.
         threads: for torch.
         console: shows the progress.
@@ -125,7 +125,7 @@ def bench_sim(folder: Path, sets: Sequence[SimSet], rules: Rules, threads: int, 
 
 
 def _shares(profile: cProfile.Profile) -> dict[str, float]:
-    """Share of each part in the profiled time; parts that are within others are taken out of these."""
+    """Share of each part in the profiled time; a part does not include the parts within it."""
     stats = pstats.Stats(profile)
 
     def spent(function: Callable[..., Any]) -> float:
@@ -145,7 +145,7 @@ def _shares(profile: cProfile.Profile) -> dict[str, float]:
 
 
 def table(policy: str, speeds: Sequence[SimSpeed]) -> Table:
-    """The speeds for people."""
+    """The speeds for the terminal."""
     result = Table(title=f"{policy} in the batched simulator", title_justify="left", box=None, pad_edge=False)
     for heading in ("worlds", "steps", "seconds", "steps/s", "robot-steps/s", *PARTS, MOVE):
         result.add_column(heading, justify="left" if heading == "worlds" else "right")

@@ -1,4 +1,4 @@
-"""``magat bench-training``: observations a second, where the time goes, and the processor's limit."""
+"""``magat bench-training``: observations per second in training, the time of each part, and the limit of the CPU."""
 
 import dataclasses
 import math
@@ -21,11 +21,11 @@ from magat_robot.policy.models import find_policy
 from magat_robot.policy.store import load_network
 from magat_training.trainer import TrainConfig, Trainer
 
-#: Steps before those that are timed.
+#: Steps before the timing begins.
 WARM_UP = 10
 #: The parts of a step.
 PARTS = ("sampling", "forward", "backward", "optimiser")
-#: What operators are called in the table, by a part of their name; the first that fits counts.
+#: Names of operators in the table, by a part of torch's name; the first match counts.
 _KINDS = (
     ("convolution", "convolutions"),
     ("batch_norm", "batch normalisation"),
@@ -53,7 +53,7 @@ class TrainingBench:
     operators: dict[str, float]
     #: Floating-point operations of forward and backward for one observation.
     flops: float
-    #: Floating-point operations a second of a large product of matrices, the processor's best.
+    #: Floating-point operations per second in a product of large matrices, the limit of the CPU.
     peak: float
 
     @property
@@ -74,26 +74,26 @@ class TrainingBench:
 
     @property
     def rate(self) -> float:
-        """Observations a second in steps."""
+        """Observations per second in steps."""
         return self.config.batch * self.robots / self.step
 
     @property
     def run_rate(self) -> float:
-        """Observations a second in a whole run."""
+        """Observations per second in a whole run."""
         return self.config.batch * self.robots * self.config.steps / sum(self.run.values())
 
 
 def bench_training(name: str, threads: int, steps: int, cases: int, console: Console) -> TrainingBench:
     """Train the policy ``name`` for some steps, with one round of the online expert and one validation.
 
-    It starts from the weights in models/, if they are there: the episodes of a new policy last to their end more often,
-    and its rounds take longer than most of a training.
+    It starts from the weights in models/, if there are any: an untrained policy fails more often, and its episodes take
+    longer than those in most of a training.
 
     Args:
         name: of the policy.
         threads: for torch.
-        steps: to be timed.
-        cases: training cases, drawn and solved first; no more are validated on.
+        steps: number of timed steps.
+        cases: number of training cases, drawn and solved first, and the most validation cases.
         console: shows the progress.
     """
     torch.set_num_threads(threads)
@@ -137,9 +137,9 @@ def bench_training(name: str, threads: int, steps: int, cases: int, console: Con
 
 
 def table(bench: TrainingBench) -> Group:
-    """``bench`` for people."""
+    """``bench`` for the terminal."""
     whole = Table(title=f"{bench.config.policy.name}, {bench.threads} thread(s)", title_justify="left")
-    for heading in ("part", "ms a step", "share of a step", "share of a run"):
+    for heading in ("part", "ms per step", "share of a step", "share of a run"):
         whole.add_column(heading, justify="left" if heading == "part" else "right")
     total = sum(bench.run.values())
     for part, seconds in bench.run.items():
@@ -155,11 +155,11 @@ def table(bench: TrainingBench) -> Group:
     return Group(
         whole,
         operators,
-        f"{bench.rate:,.0f} observations a second in steps, {bench.run_rate:,.0f} over a run of "
+        f"{bench.rate:,.0f} observations per second in steps, {bench.run_rate:,.0f} over a run of "
         f"{bench.config.steps} steps with its online expert and validations ({total / 60:.0f} minutes).",
-        f"Forward and backward: {bench.flops / 1e6:.1f} million floating-point operations an observation, "
-        f"{reached / 1e9:.0f} billion a second; a product of large matrices reaches {bench.peak / 1e9:.0f}: "
-        f"{reached / bench.peak:.0%}. At that limit it would be {bench.peak / bench.flops:,.0f} observations a second.",
+        f"Forward and backward: {bench.flops / 1e6:.1f} million floating-point operations per observation, "
+        f"{reached / 1e9:.0f} billion per second; a product of large matrices reaches {bench.peak / 1e9:.0f}: "
+        f"{reached / bench.peak:.0%}. The limit is {bench.peak / bench.flops:,.0f} observations per second.",
     )
 
 
@@ -173,7 +173,7 @@ def _take_weights(trainer: Trainer, name: str) -> None:
 
 
 def _operators(config: TrainConfig, train: list[SolvedCase]) -> dict[str, float]:
-    """Shares of the processor's time in forward and backward, by kind, the largest first."""
+    """Shares of the CPU time in forward and backward by kind of operator, the largest first."""
     with tempfile.TemporaryDirectory() as folder, profile(activities=[ProfilerActivity.CPU]) as profiler:
         trainer = Trainer(config, Path(folder), train, train[:1])
         trainer.run()
@@ -186,7 +186,7 @@ def _operators(config: TrainConfig, train: list[SolvedCase]) -> dict[str, float]
 
 
 def _flops(config: TrainConfig, train: list[SolvedCase]) -> float:
-    """Floating-point operations of one step's forward and backward, as torch counts them."""
+    """Floating-point operations of forward and backward in one step, as torch counts them."""
     with tempfile.TemporaryDirectory() as folder:
         trainer = Trainer(config, Path(folder), train, train[:1])
         with FlopCounterMode(display=False) as counter:
@@ -195,7 +195,7 @@ def _flops(config: TrainConfig, train: list[SolvedCase]) -> float:
 
 
 def _peak(size: int = 1536, repetitions: int = 8) -> float:
-    """Floating-point operations a second of a product of float32 matrices, the best of some."""
+    """Floating-point operations per second in a product of float32 matrices, the best of ``repetitions``."""
     left, right = torch.rand(size, size), torch.rand(size, size)
     best = 0.0
     for _ in range(repetitions):

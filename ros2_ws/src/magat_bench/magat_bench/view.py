@@ -1,7 +1,7 @@
-"""``magat bench-view``: how smoothly the page draws, and what its server takes, by the size of the team.
+"""``magat bench-view``: frames per second of the page, and the CPU time of its server, by the size of the team.
 
-The worlds are those of robots that walk at random. They are published as a simulator publishes its own, and the page's
-server is the process that it is in a team. The browser is a Chromium without a window, which draws on the processor.
+The robots walk at random. Their worlds are published as by a simulator, and the page's server is the same process as in
+a team. The browser is a headless Chromium, which draws on the CPU.
 """
 
 import os
@@ -38,15 +38,15 @@ from magat_viewer.browser import chromium, until
 
 #: Ticks of an episode, after which the next one begins.
 _TICKS = 300
-#: How long the page may take to listen, seconds.
+#: Limit for the start of the page's server, seconds.
 PATIENCE = 60.0
-#: Seconds in which the page comes to rest after it has opened.
+#: Time between opening the page and measuring, seconds.
 _WARM_UP = 3.0
 
 
 @dataclass(frozen=True)
 class Crowd:
-    """A team to be shown."""
+    """A team to show."""
 
     robots: int
     side: int
@@ -54,27 +54,27 @@ class Crowd:
     rate: float
 
 
-#: Maps as dense with robots as 20x20 with 10, and the paper's largest; as many ticks as such teams make here at most.
+#: Maps with as many robots per cell as 20x20 with 10, and the paper's largest; at the highest rates of such teams here.
 CROWDS = (Crowd(10, 20, 150.0), Crowd(200, 89, 30.0), Crowd(1000, 200, 10.0))
 
 
 @dataclass(frozen=True)
 class Smoothness:
-    """What was measured of a crowd."""
+    """Measures of a crowd."""
 
-    #: That the page drew in a second.
+    #: Frames that the page drew per second.
     frames_per_second: float
-    #: Milliseconds in which it drew one.
+    #: Time to draw a frame, milliseconds.
     p50: float
     p95: float
-    #: Shares of one core: the server with nobody watching, and with the browser; all of the browser.
+    #: CPU time as shares of one core: the server without and with a browser, and all processes of the browser.
     alone: float
     watched: float
     browser: float
 
 
 def measure(crowd: Crowd, seconds: float) -> Smoothness:
-    """Show ``crowd`` for so long to a browser, and for so long to nobody.
+    """Measure ``crowd`` for ``seconds`` with a browser, and for ``seconds`` without one.
 
     Raises:
         BrowserError: there is no Chromium, or the page shows nothing.
@@ -104,7 +104,7 @@ def measure(crowd: Crowd, seconds: float) -> Smoothness:
 
 
 def _load(processes: list[psutil.Process], seconds: float, others: list[psutil.Process]) -> tuple[float, float]:
-    """Shares of a core that either group takes in the next ``seconds``."""
+    """CPU time of both groups in the next ``seconds``, as shares of one core."""
 
     def spent() -> np.ndarray:
         return np.array([sum(sum(one.cpu_times()[:2]) for one in group) for group in (processes, others)])
@@ -128,7 +128,7 @@ def _wait_for(port: int, team: TeamProcesses) -> None:
 
 @contextmanager
 def _published(crowd: Crowd, domain: int) -> Iterator[None]:
-    """Its worlds come on the topic, one episode after the other, as long as the ``with`` statement lasts."""
+    """Publish the worlds of ``crowd``, one episode after the other, within the ``with`` statement."""
     context = rclpy.Context()
     rclpy.init(args=[], context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
     ended = threading.Event()
@@ -159,20 +159,20 @@ def _published(crowd: Crowd, domain: int) -> Iterator[None]:
 
 
 def _worlds(crowd: Crowd) -> list[World]:
-    """Of an episode in which all robots go wherever chance takes them."""
+    """The worlds of an episode in which all robots walk at random."""
     case = draw_case(SET_SEED, 0, crowd.side, crowd.side, crowd.robots)
     simulator = Simulator([case], [_TICKS], [episode_streams(SET_SEED, 0, crowd.robots)])
     rng = np.random.default_rng(SET_SEED)
     none = np.zeros(crowd.robots, dtype=np.int64)
     worlds: list[World] = []
 
-    def note(wanted: IntArray, moved: IntArray) -> None:
+    def note(actions: IntArray, moved: IntArray) -> None:
         world = World(tick=simulator.tick, robots=TeamFile.numbered(crowd.robots).robots)
         world.width = world.height = crowd.side
         world.obstacles = case.obstacles.astype(np.uint8).ravel().tolist() if simulator.tick == 0 else []
         world.x, world.y = simulator.position.T.tolist()
         world.goal_x, world.goal_y = case.goals.T.tolist()
-        world.wanted, world.moved = wanted.tolist(), moved.tolist()
+        world.action, world.moved = actions.tolist(), moved.tolist()
         world.silent, world.visited = [False] * crowd.robots, simulator.visited.tolist()
         world.missing = [0] * crowd.robots
         world.seconds, world.t_max, world.expert_flowtime = 1 / crowd.rate, _TICKS, -1
@@ -180,8 +180,8 @@ def _worlds(crowd: Crowd) -> list[World]:
 
     note(none, none)
     while not simulator.done:
-        wanted = rng.integers(5, size=crowd.robots)
-        note(wanted, simulator.step(wanted).moved)
+        actions = rng.integers(5, size=crowd.robots)
+        note(actions, simulator.step(actions).moved)
     return worlds
 
 
@@ -197,8 +197,10 @@ def bench_view(crowds: Iterable[Crowd], seconds: float, console: Console) -> Ite
 
 
 def table(results: Iterable[tuple[Crowd, Smoothness]]) -> Table:
-    """The results for people."""
-    result = Table(caption="CPU: of one core; alone: nobody watches", caption_justify="left", box=None, pad_edge=False)
+    """The results for the terminal."""
+    result = Table(
+        caption="CPU: of one core; alone: without a browser", caption_justify="left", box=None, pad_edge=False
+    )
     columns = ("robots", "map", "ticks/s", "frames/s", "draw p50 ms", "p95 ms", "server CPU", "alone", "browser CPU")
     for heading in columns:
         result.add_column(heading, justify="right", no_wrap=True)

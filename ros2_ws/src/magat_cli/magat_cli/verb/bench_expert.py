@@ -1,4 +1,4 @@
-"""Time the expert on the scenario sets."""
+"""Measure the time of the expert on sets of cases."""
 
 import argparse
 from typing import TYPE_CHECKING

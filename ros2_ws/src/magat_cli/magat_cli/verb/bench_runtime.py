@@ -1,4 +1,4 @@
-"""Measure how fast a team ticks, by radio, backend and processes."""
+"""Measure ticks per second of a team by radio, backend and processes."""
 
 import argparse
 from typing import TYPE_CHECKING
@@ -30,11 +30,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--radios", choices=["direct", "relayed"], nargs="+", default=["direct", "relayed"], help="(default: both)"
     )
     more = parser.add_mutually_exclusive_group()
-    more.add_argument("--record", action="store_true", help="time each team a second time, while it is recorded")
-    more.add_argument("--view", action="store_true", help="time each team in turns with the page and without it")
+    more.add_argument("--record", action="store_true", help="measure each team also with recording")
+    more.add_argument("--view", action="store_true", help="measure each team with the page and without it")
     parser.add_argument("--backends", choices=BACKENDS, nargs="+", default=list(BACKENDS), help="(default: all)")
-    parser.add_argument("--ticks", type=positive, default=100, help="of each team, at least (default: 100)")
-    parser.add_argument("--repeat", type=positive, default=1, help="repeat all, and compare medians (default: 1)")
+    parser.add_argument(
+        "--ticks", type=positive, default=100, help="measured ticks of each team, at least (default: 100)"
+    )
+    parser.add_argument("--repeat", type=positive, default=1, help="number of repetitions, for medians (default: 1)")
 
 
 def main(options: Options, console: "Console") -> int:

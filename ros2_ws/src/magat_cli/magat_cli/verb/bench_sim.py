@@ -1,4 +1,4 @@
-"""Measure how fast the batched simulator is, and what takes how long."""
+"""Measure the speed of the batched simulator, and the time of each part of a step."""
 
 import argparse
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""Measure observations a second in training, and what takes how long."""
+"""Measure observations per second in training, and the time of each part of a step."""
 
 import argparse
 from typing import TYPE_CHECKING
@@ -13,7 +13,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The verb's options."""
     parser.add_argument("--policy", default="MAGAT-F-128", help="name of a policy (default: MAGAT-F-128)")
     parser.add_argument("--threads", type=positive, default=1, help="(default: 1)")
-    parser.add_argument("--steps", type=positive, default=100, help="to be timed (default: 100)")
+    parser.add_argument("--steps", type=positive, default=100, help="number of timed steps (default: 100)")
     parser.add_argument("--cases", type=positive, default=2_000, help="training cases (default: 2,000)")
 
 

@@ -1,4 +1,4 @@
-"""Measure how smoothly the page draws, and what its server costs."""
+"""Measure frames per second of the page, and the CPU time of its server."""
 
 import argparse
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""Make and check data sets: cases for training, validation and tests, with their solutions."""
+"""Make and verify data sets: cases with the expert's solutions."""
 
 import argparse
 from pathlib import Path
@@ -15,11 +15,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from magat_evaluation.splits import SPLITS
 
     actions = parser.add_subparsers(dest="action", required=True)
-    make = actions.add_parser("make", help="draw cases and solve them by the expert; run again to resume")
-    make.add_argument("--cases", type=positive, default=SPLITS["test"].stop, help="how many in all, 70/15/15 %%")
+    make = actions.add_parser("make", help="draw cases and solve them; run again to resume")
+    make.add_argument("--cases", type=positive, default=SPLITS["test"].stop, help="number of cases, split 70/15/15 %%")
     make.add_argument("--output", type=Path, help="folder (default: data/[width]x[height]-[robots])")
     add_size(make)
-    show = actions.add_parser("show", help="print what a data set holds, and verify it")
+    show = actions.add_parser("show", help="verify a data set and print its contents")
     show.add_argument("folder", type=Path)
 
 

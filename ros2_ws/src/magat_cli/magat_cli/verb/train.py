@@ -16,10 +16,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "recipe", nargs="?", default="MAGAT-F-128", help="name of a policy, or a YAML file (models/NAME/training.yaml)"
     )
     parser.add_argument("--steps", type=positive, help="optimiser steps")
-    parser.add_argument("--online", choices=["off", "failures", "states"], help="what the online expert corrects")
+    parser.add_argument(
+        "--online", choices=["off", "failures", "states"], help="states that the online expert corrects"
+    )
     parser.add_argument("--temperature", type=float, help="sampling temperature for validation and use")
-    parser.add_argument("--seed", type=int, help="of the weights and of every draw")
-    parser.add_argument("--threads", type=positive, default=2, help="of each process (default: 2)")
+    parser.add_argument("--seed", type=int, help="of the initial weights and of all random streams")
+    parser.add_argument("--threads", type=positive, default=2, help="of torch in each process (default: 2)")
     parser.add_argument(
         "--data",
         type=Path,

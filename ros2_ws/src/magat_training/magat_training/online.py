@@ -52,7 +52,7 @@ def correct_failures(policy: Policy, solved: Sequence[SolvedCase], chosen: Seque
 
 
 def correct_states(policy: Policy, solved: Sequence[SolvedCase], chosen: Sequence[int], seed: int) -> Correction:
-    """Label every state that the policy visits with the expert's next step, solved anew from that state.
+    """Label every state that the policy visits with the expert's next step from there.
 
     A solution from the middle of an episode takes a fraction of a millisecond, so every state can be labelled.
     Arguments as for `correct_failures`.

@@ -1,4 +1,4 @@
-"""The eight rotations and reflections of a grid world: one observation and its action make eight."""
+"""The eight rotations and reflections of a grid world: each observation and its action give eight."""
 
 import numpy as np
 import numpy.typing as npt

@@ -1,4 +1,5 @@
-"""Studies: what is measured for the page of results. A module of this package for each, or for each kind.
+"""Studies: what is measured for the page of results, a module for each study or group of studies.
 
-A module registers its studies with `magat_evaluation.studies.study.register`.
+To add a study, add a module that registers it, see `magat_evaluation.studies.study.register`. Its section appears at the
+end of the page, unless ``results_template.md`` has one with its placeholder.
 """

@@ -61,7 +61,7 @@ class Other: ...
     ("name", "options"), [("ELSEWHERE", {}), ("MAGAT", {}), ("MAGAT", {"attention": False})], ids=str
 )
 def test_a_layer_that_is_defined_elsewhere_or_twice_is_refused(name: str, options: dict) -> None:
-    with pytest.raises(ValueError, match=rf"the layer '{name}' is not registered once.*graph\.py"):
+    with pytest.raises(ValueError, match=rf"the layer '{name}' must be registered once.*graph\.py"):
         layer(name, **options)(GraphLayer)
     assert graph._classes.get(name) is CLASSES.get(name)
 

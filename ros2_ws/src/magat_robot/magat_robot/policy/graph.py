@@ -38,9 +38,7 @@ def layer(name: str, *, attention: bool = True, plain_cnn: bool = False) -> Call
 
     def register(cls: _Layer) -> _Layer:
         if LAYERS.get(name) != LayerSpec(name, attention, plain_cnn) or name in _classes:
-            raise ValueError(
-                f"the layer {name!r} is not registered once, with literals, in {__file__}: define it there"
-            )
+            raise ValueError(f"the layer {name!r} must be registered once, with literal arguments, in {__file__}")
         _classes[name] = cls
         return cls
 

@@ -47,7 +47,7 @@ class RecorderNode(Node):
             raise ValueError("the parameters bag and robots are needed: -p bag:=FOLDER -p robots:=[alice, bob]")
         self.bag = BagWriter(continuation(Path(folder)))
         self.ready = False
-        self._silent_robots = set(robots)
+        self._missing_statuses = set(robots)
         # Messages are taken in batches, which needs half the CPU time of one callback for each message, and the
         # middleware gives the time at which it received each. No executor may spin this second node, because it would
         # call back.
@@ -66,7 +66,7 @@ class RecorderNode(Node):
             )
             self.bag.add_topic(described(topic, subscription.topic_name))
             self._subscriptions_of[subscription.topic_name] = (topic.kind, subscription.handle)
-        self._silent_observations = {name for name, (kind, _) in self._subscriptions_of.items() if kind is Observation}
+        self._missing_observations = {name for name, (kind, _) in self._subscriptions_of.items() if kind is Observation}
         self._status_topic = self._listener.resolve_topic_name(ROBOT_STATUS.name())
         self._send_ready = RECORDER_READY.publisher(self)
         self.create_timer(PERIOD, self.take)
@@ -86,10 +86,10 @@ class RecorderNode(Node):
 
     def _check_ready(self, name: str, data: bytes) -> None:
         """Report ready once there was an observation for each robot and a status of each robot."""
-        self._silent_observations.discard(name)
+        self._missing_observations.discard(name)
         if name == self._status_topic:
-            self._silent_robots -= set(deserialize_message(data, RobotStatus).robots)
-        if not self._silent_observations and not self._silent_robots:
+            self._missing_statuses -= set(deserialize_message(data, RobotStatus).robots)
+        if not self._missing_observations and not self._missing_statuses:
             self.ready = True
             self._send_ready.publish(Empty())
             self.get_logger().info("ready: every robot and the simulator are recorded")

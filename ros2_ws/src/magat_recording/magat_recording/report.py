@@ -17,9 +17,9 @@ from magat_sim.measures import SetMeasures, summarise
 
 #: Columns that are printed, and their headings.
 EPISODE_COLUMNS = {
-    "episode": "episode", "success": "success", "success_strict": "strict", "delta_ft": "delta_FT", "p_rg": "p_rg",
+    "episode": "no.", "success": "success", "success_strict": "strict", "delta_ft": "delta_FT", "p_rg": "p_rg",
     "makespan": "makespan", "t_max": "T_max", "ticks": "ticks", "moves_blocked": "blocked", "silent": "silent",
-    "features_missing": "missing", "bytes_per_tick": "bytes",
+    "features_missing": "missing", "bytes_per_tick": "B",
 }  # fmt: skip
 ROBOT_COLUMNS = {
     "name": "robot", "messages": "messages", "bytes": "bytes", "silent": "silent", "slowest": "slowest",
@@ -32,7 +32,11 @@ ATTENTION_COLUMNS = {
 DEADLOCK_COLUMNS = {
     "episode": "episode", "begin": "first tick", "ticks": "ticks", "robots": "robots", "silent": "silent",
 }  # fmt: skip
-_LEGEND = (
+_EPISODE_LEGEND = (
+    "strict: all robots on their goals at the same time; blocked: moves; silent: answers that did not come in time; "
+    "missing: features in range that were not received; B: bytes that a robot sent in a tick"
+)
+_ROBOT_LEGEND = (
     "silent: ticks in which the robot did not answer in time; slowest: share of the ticks in which it answered last; "
     "p50, p99: milliseconds to answer; entropy: of its decisions, bits; attention received: sum over all robots that "
     "hear it, mean over ticks"
@@ -111,10 +115,7 @@ def show(findings: Findings, console: Console) -> None:
     )
     _show_completeness(findings, report, console)
     console.print(_table(recording.episodes, "Episodes", EPISODE_COLUMNS))
-    console.print(
-        "[dim]blocked: moves; silent: answers that did not come in time; missing: features in range that were"
-    )
-    console.print("[dim]not received; bytes: sent by a robot in a tick")
+    console.print(f"[dim]{_EPISODE_LEGEND}")
     if report.measures is not None:
         low, high = report.measures.alpha_interval
         console.print(f"alpha {report.measures.alpha:.2f} (95 % interval {low:.2f} to {high:.2f})")
@@ -122,7 +123,7 @@ def show(findings: Findings, console: Console) -> None:
     console.print(f"Milliseconds per tick: {', '.join(times)}\n")
     milliseconds = {name: 1e3 * findings.traffic[name] for name in ("latency_p50", "latency_p99")}
     console.print(_table(findings.traffic.assign(**milliseconds), "Robots", ROBOT_COLUMNS))
-    console.print(f"[dim]{_LEGEND}")
+    console.print(f"[dim]{_ROBOT_LEGEND}")
     for name, table in findings.attention.items():
         console.print(_table(table, f"\nAttention by {name}", ATTENTION_COLUMNS))
     if report.no_attention:

@@ -1,4 +1,4 @@
-"""Recordings whose every message is known, because they are simulated here."""
+"""Recordings of a team that is simulated in this process, so that every message is known."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -18,19 +18,20 @@ from magat_sim.measures import EpisodeMeasures, Flowtime
 from magat_sim.streams import episode_streams
 from magat_sim.ticks import DistributedEpisode, ReceivedPreference
 
+#: The expert's flowtimes in all World messages.
 BEST = Flowtime(30, 31)
 NAMES = ["alice", "bob", "carol", "dave", "eve", "frank"]
-#: One tick, nanoseconds.
+#: Duration of a tick, nanoseconds.
 STEP = 10_000_000
 
 
 @dataclass
 class Simulated:
-    """A bag, and what is in it by those who made it."""
+    """A bag, and its expected contents."""
 
     bag: Path
     measures: list[EpisodeMeasures]
-    #: By episode: how many features were sent and not heard.
+    #: By episode, the number of features in range that were not received.
     missing: list[int]
     names: tuple[str, ...] = tuple(NAMES)
 
@@ -48,9 +49,21 @@ def simulate_team(
     deaf: tuple[int, int] | None = None,
     digests: Sequence[str] = ("d" * 64,),
 ) -> Simulated:
-    """Run episodes of six robots in this process, and write a bag of what a team would have said.
+    """Run episodes of six robots in this process, and write the messages of such a team to a bag.
 
-    ``lose(kind, tick, robot)``: not in the bag; ``silent``, ``deaf``: tick and robot.
+    Args:
+        policy: of all robots.
+        random_case: the fixture.
+        bag: folder to write.
+        episodes: their number.
+        t_max: most ticks of an episode.
+        relayed: whether the radio is relayed.
+        encoding: of the features.
+        lose: ``lose(kind, tick, robot)`` says whether a message is missing in the bag; World messages have the robot
+            -1.
+        silent: tick and robot that does not answer in time.
+        deaf: tick and robot that does not receive one of its messages.
+        digests: of the policies in the robots' statuses.
     """
     measures, missing = [], []
     with BagWriter(bag) as writer:
@@ -65,11 +78,11 @@ def simulate_team(
             now = STEP * (1 + number * (t_max + 2))
             identity = 100 + number
 
-            def say(kind: str, robot: int, topic: str, message: object, at: int, tick: int) -> None:
+            def write(kind: str, robot: int, topic: str, message: object, at: int, tick: int) -> None:
                 if not lose(kind, tick, robot):
                     writer.write(topic, serialize_message(message), at, at)
 
-            def world(outcome, at, *, episode=episode, identity=identity, case=case, say=say) -> None:
+            def world(outcome, at, *, episode=episode, identity=identity, case=case, write=write) -> None:
                 simulator = episode.simulator
                 message = World(episode=identity, tick=simulator.tick, robots=NAMES, width=10, height=9)
                 message.x, message.y = simulator.position.T.tolist()
@@ -84,46 +97,47 @@ def simulate_team(
                     message.action, message.moved = outcome.actions.tolist(), outcome.step.moved.tolist()
                     message.missing = outcome.missing.tolist()
                     message.silent, message.links, message.seconds = outcome.silent.tolist(), outcome.links, 0.01
-                say("World", -1, "/world", message, at, simulator.tick)
+                write("World", -1, "/world", message, at, simulator.tick)
 
             world(None, now)
             while not episode.simulator.done:
                 tick, now = episode.simulator.tick, now + STEP
-                sights = episode.look([True] * len(NAMES))
-                for robot, sight in enumerate(sights):
-                    seen = Observation(episode=identity, tick=tick, stream=sight.stream, own_tag=sight.own_tag)
-                    seen.audible_tags = sight.audible_tags
-                    seen.field_of_view = sight.field_of_view.ravel().tolist()
-                    say("Observation", robot, f"/{NAMES[robot]}/observation", seen, now, tick)
-                row_of = {sight.own_tag: row for row, sight in enumerate(sights)}
-                heard = [[row_of[tag] for tag in sight.audible_tags] for sight in sights]
+                observations = episode.look([True] * len(NAMES))
+                for robot, observed in enumerate(observations):
+                    seen = Observation(episode=identity, tick=tick, stream=observed.stream, own_tag=observed.own_tag)
+                    seen.audible_tags = observed.audible_tags
+                    seen.field_of_view = observed.field_of_view.ravel().tolist()
+                    write("Observation", robot, f"/{NAMES[robot]}/observation", seen, now, tick)
+                row_of = {observed.own_tag: row for row, observed in enumerate(observations)}
+                heard = [[row_of[tag] for tag in observed.audible_tags] for observed in observations]
                 if deaf == (tick, deaf and deaf[1]) and heard[deaf[1]]:
                     heard[deaf[1]].pop()
                 most = max(map(len, heard))
                 rows = np.array([row + [-1] * (most - len(row)) for row in heard]).reshape(len(NAMES), most)
-                own = policy.perceive(np.stack([sight.field_of_view for sight in sights]))
+                own = policy.perceive(np.stack([observed.field_of_view for observed in observations]))
                 for exchange in range(policy.rounds):
-                    for robot, sight in enumerate(sights):
+                    for robot, observed in enumerate(observations):
                         data = payload.encode(own.messages[robot], encoding)
-                        sent = Feature(episode=identity, tick=tick, round=exchange, tag=sight.own_tag)
+                        sent = Feature(episode=identity, tick=tick, round=exchange, tag=observed.own_tag)
                         sent.encoding, sent.payload = ENCODINGS[encoding], data
-                        say("Feature", robot, "/feature", sent, now + 1000 + robot, tick)
+                        write("Feature", robot, "/feature", sent, now + 1000 + robot, tick)
                         if relayed:
                             bundle = FeatureBundle(episode=identity, tick=tick, round=exchange)
-                            say("FeatureBundle", robot, f"/{NAMES[robot]}/heard", bundle, now + 2000, tick)
+                            write("FeatureBundle", robot, f"/{NAMES[robot]}/heard", bundle, now + 2000, tick)
                     carried = payload.round_trip(own.messages, encoding)
                     own = policy.hear(own, carried[np.maximum(rows, 0)], rows >= 0)
-                decision = policy.decide(own, np.array([s.stream for s in sights], dtype=np.uint64), tick)
-                for robot, sight in enumerate(sights):
-                    wish = Preference(episode=identity, tick=tick, tag=sight.own_tag, heard=len(heard[robot]))
-                    wish.log_probabilities = decision.log_probabilities[robot]
-                    wish.primitive, wish.feature_bytes = int(decision.primitives[robot]), 100 + robot
-                    wish.compute_us = 1500
+                decision = policy.decide(own, np.array([o.stream for o in observations], dtype=np.uint64), tick)
+                for robot, observed in enumerate(observations):
+                    preference = Preference(episode=identity, tick=tick, tag=observed.own_tag, heard=len(heard[robot]))
+                    preference.log_probabilities = decision.log_probabilities[robot]
+                    preference.primitive, preference.feature_bytes = int(decision.primitives[robot]), 100 + robot
+                    preference.compute_us = 1500
                     late = silent == (tick, robot)
-                    say("Preference", robot, "/preference", wish, now + 10**6 * (robot + 1), tick)
+                    write("Preference", robot, "/preference", preference, now + 10**6 * (robot + 1), tick)
                     if not late:
                         episode.answer(
-                            sight.own_tag, ReceivedPreference(wish.primitive, wish.heard, wish.feature_bytes)
+                            observed.own_tag,
+                            ReceivedPreference(preference.primitive, preference.heard, preference.feature_bytes),
                         )
                 world(episode.advance(), now + 9 * 10**6)
             measures += episode.simulator.measures([BEST])

@@ -1,4 +1,4 @@
-"""What the tests of the expert share: an oracle that finds optimal costs by brute force, and small maps."""
+"""Shared by the tests of the expert: an oracle that finds optimal costs by brute force, and small maps."""
 
 import heapq
 import itertools

@@ -1,4 +1,4 @@
-"""HCA and Replan: valid paths always, honest about who arrived, and as good as they are said to be."""
+"""HCA and Replan: their paths are valid, and `arrived` and the statuses are right."""
 
 import math
 import threading
@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 from magat_expert import InvalidInstanceError, SolveStatus, StopFlag, check_paths, solve_hca, solve_replan
 
 EMPTY = np.zeros((5, 5), bool)
-# Four on four cells, two to exchange: no order of HCA has a path for all, and nobody in Replan a free cell to go to.
+# Four robots on four cells, two of them to swap: HCA finds no order, and in Replan no robot has a free cell.
 FULL = (np.zeros((2, 2), bool), [(0, 0), (1, 0), (1, 1), (0, 1)], [(1, 0), (0, 0), (1, 1), (0, 1)])
 BASELINES = pytest.mark.parametrize("plan", [solve_hca, solve_replan])
 
 
 def random_instance(seed, side, density, robots):
-    """Obstacles, starts and goals; robots whose goal is out of reach are left out."""
+    """Obstacles, starts and goals; robots with unreachable goals are left out."""
     generator = np.random.default_rng(seed)
     obstacles = generator.random((side, side)) < density
     free = np.argwhere(~obstacles)[:, ::-1]
@@ -93,7 +93,7 @@ def test_robots_apart_take_shortest_paths(plan):
     assert solution.paths.dtype == np.int16
 
 
-def test_hca_arrives_only_when_nobody_passes_any_more(world):
+def test_hca_arrives_only_when_no_robot_passes_any_more(world):
     # a crosses b's goal at time 3, where b could be at 1.
     solution = solve_hca(
         *world("""
@@ -134,7 +134,7 @@ def test_replan_goes_around_a_robot_at_rest(world):
     assert (solution.cost, solution.expansions_high) == (6, 1)
 
 
-def test_replan_waits_where_there_is_no_way_around_and_says_who_arrived(world):
+def test_replan_waits_without_a_detour_and_says_which_robots_arrived(world):
     obstacles, starts, goals = world("""
         # # #  # .
         a . bB A .
@@ -143,7 +143,7 @@ def test_replan_waits_where_there_is_no_way_around_and_says_who_arrived(world):
     assert solution.status is SolveStatus.INCOMPLETE
     assert solution.arrived.tolist() == [False, True, True]
     assert check_paths(obstacles, starts, [(1, 1), (2, 1), (1, 0)], solution.paths) == []
-    assert len(solution.paths) <= 4, "it ends when nobody can move any more"
+    assert len(solution.paths) <= 4, "it ends when no robot can move"
 
 
 def test_replan_lets_robots_follow_each_other():

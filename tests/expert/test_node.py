@@ -1,4 +1,4 @@
-"""The expert as a service: several clients at once, limits that hold, and an answer to everybody at the end."""
+"""The expert as a service: several clients at once, time limits, and an answer to each request at shutdown."""
 
 import math
 import threading
@@ -104,7 +104,7 @@ def start(domain: int) -> Callable:
     return running
 
 
-def test_a_long_request_blocks_nobody(start):
+def test_a_long_request_does_not_block_others(start):
     with start() as clients:
         long = clients.ask(60.0, **HOPELESS)
         clients.spin(lambda: clients.expert.taken == 1)

@@ -1,4 +1,4 @@
-"""Single instances with a point to them, and the limits of a search."""
+"""Small instances, each for one property, and the limits of a search."""
 
 import dataclasses
 import math
@@ -134,7 +134,7 @@ def test_recognises_that_there_is_no_solution(drawing, world, optimal_cost):
     assert not solution.solved
 
 
-def test_a_corridor_in_the_right_order_is_no_obstacle(world):
+def test_a_corridor_in_the_right_order_is_solved(world):
     obstacles, starts, goals = world("a b A . B")
     assert solve(obstacles, starts, goals).solved
 

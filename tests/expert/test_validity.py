@@ -9,7 +9,7 @@ FREE = np.zeros((3, 4), bool)
 
 
 def check(*paths, obstacles=FREE, starts=None, goals=None):
-    """Checks paths given robot by robot; starts and goals are their ends unless told otherwise."""
+    """Checks paths given robot by robot; starts and goals are their ends unless given."""
     starts = [path[0] for path in paths] if starts is None else starts
     goals = [path[-1] for path in paths] if goals is None else goals
     return check_paths(obstacles, starts, goals, np.array(paths).transpose(1, 0, 2))

@@ -1,4 +1,4 @@
-"""Feature messages as bytes are those of the middleware, and damaged ones are recognised."""
+"""Serialised feature messages are those of the middleware, and damaged ones are detected."""
 
 import array
 import struct
@@ -115,7 +115,7 @@ def test_what_is_cut_off_is_damaged_wherever_it_is_cut(big: bool, capfd: pytest.
     capfd.readouterr()  # the middleware says so, too
 
 
-def test_what_follows_a_message_is_no_part_of_it() -> None:
+def test_bytes_after_a_message_are_ignored() -> None:
     """Some middlewares fill up to a multiple of four bytes."""
     assert cdr.unpack_feature(cdr.pack_feature(1, 2, 3, 4, 1, b"abc") + b"\0").payload == b"abc"
     assert cdr.unpack_bundle(cdr.pack_bundle(1, 2, 3, 1, [b"abc"]) + b"\0\0").payloads == b"abc"

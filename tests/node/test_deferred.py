@@ -1,4 +1,4 @@
-"""Actions whose goals are ended by events to come."""
+"""Actions that are ended by later events."""
 
 import time
 
@@ -15,7 +15,7 @@ from magat_node.deferred import DeferredActionServer
 
 
 def test_goals_that_are_over_are_forgotten(monkeypatch):
-    """Else every status would hold all goals that there ever were."""
+    """Otherwise every status would list all goals since the start."""
     monkeypatch.setattr(deferred, "RESULT_TIMEOUT", 1)
     with own_domain() as domain:
         for name, value in loopback(domain).items():

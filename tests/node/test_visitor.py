@@ -20,7 +20,7 @@ class Listener(Visitor):
         pass
 
 
-def test_who_has_left_has_no_threads_and_no_sockets_any_more(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_visitor_that_has_left_holds_no_threads_and_no_sockets(monkeypatch: pytest.MonkeyPatch) -> None:
     here = psutil.Process()
     with own_domain() as domain:
         for name, value in loopback(domain).items():

@@ -1,4 +1,4 @@
-"""What the tests of the simulator share: worlds set up by hand, and an independent judge."""
+"""Shared by the tests of the simulator: worlds set up by hand, and an independent check of steps."""
 
 from collections.abc import Callable, Sequence
 
@@ -14,20 +14,20 @@ Cells = Sequence[tuple[int, int]]
 
 
 def faults(obstacles: np.ndarray, before: np.ndarray, actions: Sequence[int], after: np.ndarray) -> list[str]:
-    """What is wrong with a step of a team: collisions, jumps, moves that nobody actions, needless waits."""
+    """The faults of a step of a team: collisions, jumps, moves that are no robot's action, needless waits."""
     height, width = obstacles.shape
     old, new = (list(map(tuple, np.asarray(cells).tolist())) for cells in (before, after))
     found = []
     for i, (here, there) in enumerate(zip(old, new, strict=True)):
         dx, dy = MOVES[int(actions[i])]
-        wish = (here[0] + dx, here[1] + dy)
-        free = 0 <= wish[0] < width and 0 <= wish[1] < height and not obstacles[wish[1], wish[0]]
+        target = (here[0] + dx, here[1] + dy)
+        free = 0 <= target[0] < width and 0 <= target[1] < height and not obstacles[target[1], target[0]]
         if not (0 <= there[0] < width and 0 <= there[1] < height) or obstacles[there[1], there[0]]:
             found.append(f"robot {i} is on {there}, an obstacle or off the map")
-        if there not in (here, wish):
-            found.append(f"robot {i} went from {here} to {there}, and actions {wish}")
-        if there == here != wish and free and wish not in new:
-            found.append(f"robot {i} was kept from {wish}, and nobody is there")
+        if there not in (here, target):
+            found.append(f"robot {i} went from {here} to {there}, but its action leads to {target}")
+        if there == here != target and free and target not in new:
+            found.append(f"robot {i} was kept from {target}, which is empty")
         for j in range(i):
             if there == new[j]:
                 found.append(f"robots {j} and {i} are both on {there}")

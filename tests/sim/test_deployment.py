@@ -46,7 +46,7 @@ def test_strangers_do_not_count(deployment):
     assert (deployment.done, deployment.advance(101.0)) == (2, None)
 
 
-def test_one_refusal_and_nobody_switches(deployment):
+def test_after_one_refusal_no_robot_switches(deployment):
     report(deployment, a=PREPARED, b=REFUSED)
     assert deployment.advance(101.0) is Order.ROLL_BACK
     assert not deployment.ended(101.0)
@@ -58,19 +58,19 @@ def test_one_refusal_and_nobody_switches(deployment):
     assert deployment.error == "b refuses: it is too long"
 
 
-def test_who_does_not_prepare_in_time_keeps_all_from_switching(deployment):
+def test_a_robot_that_does_not_prepare_in_time_keeps_all_from_switching(deployment):
     report(deployment, a=PREPARED)
     assert deployment.advance(110.0) is None
     assert deployment.advance(110.1) is Order.ROLL_BACK
     report(deployment, a=BEFORE)
     assert not deployment.ended(120.0)
-    assert deployment.ended(120.2), "who is not there is not waited for for ever"
+    assert deployment.ended(120.2), "the wait for a missing robot ends"
     assert deployment.error == (
         "no answer within 10 s from b, c; no answer to ROLL_BACK from b, c"
     )  # fmt: skip
 
 
-def test_who_does_not_switch_in_time_takes_all_back(deployment):
+def test_a_robot_that_does_not_switch_in_time_rolls_all_back(deployment):
     report(deployment, a=PREPARED, b=PREPARED, c=PREPARED)
     assert deployment.advance(105.0) is Order.SWITCH
     report(deployment, a=SWITCHED, b=SWITCHED)
@@ -81,7 +81,7 @@ def test_who_does_not_switch_in_time_takes_all_back(deployment):
     assert "from c" in deployment.error
 
 
-def test_one_that_was_killed_and_comes_back_in_time_is_no_obstacle(deployment):
+def test_a_robot_that_was_killed_and_returns_in_time_does_not_stop_it(deployment):
     report(deployment, a=PREPARED, b=PREPARED, c=PREPARED)
     assert deployment.advance(101.0) is Order.SWITCH
     report(deployment, a=SWITCHED, b=SWITCHED, c=BEFORE)

@@ -14,11 +14,11 @@ IDLE, UP, DOWN, LEFT, RIGHT = Primitive
 BEST = Flowtime(4, 5)
 
 
-def played(starts: list, goals: list, t_max: int, wishes: list, best: Flowtime | None = BEST) -> EpisodeMeasures:
-    """The measures after ``wishes``, which must last exactly until the world is done."""
+def played(starts: list, goals: list, t_max: int, steps: list, best: Flowtime | None = BEST) -> EpisodeMeasures:
+    """The measures after ``steps``, which must last exactly until the world is done."""
     case = Case(np.zeros((2, 4), dtype=bool), np.array(starts), np.array(goals))
     simulator = Simulator([case], [t_max], [episode_streams(0, 0, len(starts))])
-    for actions in wishes:
+    for actions in steps:
         assert not simulator.done
         simulator.step(actions)
     assert simulator.done
@@ -98,7 +98,7 @@ def test_a_robot_that_starts_on_its_goal_has_visited_it_and_may_still_lose_it() 
     assert measures.makespan == 1
 
 
-def test_without_time_nobody_arrives() -> None:
+def test_without_time_no_robot_arrives() -> None:
     measures = played([(0, 0), (1, 1)], [(0, 0), (3, 1)], 0, [], None)
     assert (measures.success, measures.p_rg, measures.ticks) == (False, 0.5, 0)
     assert math.isnan(measures.delta_ft)

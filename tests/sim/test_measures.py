@@ -63,7 +63,7 @@ def test_wilson_solves_its_equation_and_mirrors(cases: int, data: st.DataObject)
 
 
 @pytest.mark.parametrize(("successes", "cases"), [(0, 0), (3, 2), (-1, 4)])
-def test_wilson_refuses_what_is_no_rate(successes: int, cases: int) -> None:
+def test_wilson_refuses_impossible_counts(successes: int, cases: int) -> None:
     with pytest.raises(ValueError, match=f"{successes} successes of {cases} cases"):
         wilson(successes, cases)
 

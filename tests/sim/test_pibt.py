@@ -1,4 +1,4 @@
-"""The shield by which robots push each other aside: safe whatever it is told, and the algorithm it claims to be."""
+"""The PIBT shields: no collisions with any input, and the same moves as a plain implementation of the algorithm."""
 
 import dataclasses
 from collections.abc import Callable
@@ -194,8 +194,8 @@ def test_with_memory_a_robot_leaves_a_pocket_that_it_would_go_to_and_fro_in() ->
         simulator = Simulator([case], [60], [episode_streams(1, 0, 1)], Rules(shield=shield))
         while not simulator.done:
             distance = np.abs(simulator.position[0] + DELTAS - simulator.goal[0]).sum(axis=1)
-            liking = -distance - 0.1 * (np.arange(5) == IDLE)
-            simulator.step(Actions([int(liking.argmax())], [liking]))
+            log_probabilities = -distance - 0.1 * (np.arange(5) == IDLE)
+            simulator.step(Actions([int(log_probabilities.argmax())], [log_probabilities]))
         ticks[shield] = simulator.tick
     assert ticks["pibt"] == 60
     assert ticks["pibt-memory"] < 30
@@ -203,7 +203,7 @@ def test_with_memory_a_robot_leaves_a_pocket_that_it_would_go_to_and_fro_in() ->
 
 @settings(max_examples=60)
 @given(seed=seeds, width=sides, height=sides, share=st.floats(0.05, 1), density=st.floats(0, 0.5))
-def test_in_the_simulator_nobody_collides_either(
+def test_in_the_simulator_no_robots_collide(
     random_case: Callable, judge: Callable, seed: int, width: int, height: int, share: float, density: float
 ) -> None:
     rng = np.random.default_rng(seed)
@@ -211,10 +211,10 @@ def test_in_the_simulator_nobody_collides_either(
     simulator = Simulator([case], [15], [episode_streams(seed, 0, case.robots)], PIBT)
     while not simulator.done:
         before = simulator.position.copy()
-        actions, liking = rng.integers(5, size=case.robots), rng.normal(size=(case.robots, 5))
+        actions, log_probabilities = rng.integers(5, size=case.robots), rng.normal(size=(case.robots, 5))
         silent = rng.random(case.robots) < 0.2
-        step = simulator.step(Actions(actions, liking, silent))
-        # Judged as if each had actions what it made: who waits may do so on purpose, but nothing else may be wrong.
+        step = simulator.step(Actions(actions, log_probabilities, silent))
+        # Checked as if each robot's move were its action: waiting is allowed, any other fault is not.
         assert [f for f in judge(case.obstacles, before, step.moved, simulator.position) if "was kept" not in f] == []
         moved = (before != simulator.position).any(axis=1)
         assert ((step.moved != IDLE) == moved).all()
@@ -237,14 +237,14 @@ def test_a_robot_on_its_goal_is_pushed_aside_by_one_that_has_not_arrived() -> No
     assert step.blocked.tolist() == [False, False], "it drew no move that was blocked"
 
 
-def test_who_has_been_away_from_its_goal_for_longest_goes_first() -> None:
+def test_the_robot_that_has_been_away_from_its_goal_longest_goes_first() -> None:
     # Both want the cell between them; one has just been on its goal.
     for late, starts in (([RIGHT, IDLE], [(0, 0), (2, 0)]), ([IDLE, LEFT], [(0, 0), (2, 0)])):
         goals = [(4, 0), (2, 0)] if late[0] == RIGHT else [(0, 0), (4, 0)]
         simulator = line(starts, goals)
         simulator.step([IDLE, IDLE])
-        liking = [[-1, -9, -9, -9, 0], [-1, -9, -9, 0, -9]]
-        assert simulator.step(Actions([RIGHT, LEFT], liking)).moved.tolist() == late
+        log_probabilities = [[-1, -9, -9, -9, 0], [-1, -9, -9, 0, -9]]
+        assert simulator.step(Actions([RIGHT, LEFT], log_probabilities)).moved.tolist() == late
 
 
 def test_among_equals_the_episodes_generator_decides() -> None:
@@ -270,38 +270,38 @@ def test_of_two_that_would_swap_one_gives_way_into_a_bay() -> None:
 def test_a_silent_robot_is_not_pushed_and_those_behind_it_look_for_another_way() -> None:
     simulator = line([(0, 0), (1, 0)], [(4, 0), (1, 0)], height=2)
     simulator.step([IDLE, IDLE])  # now the other one has waited for longer
-    liking = [[-2, -1, -9, -9, 0], ALIKE]
-    step = simulator.step(Actions([RIGHT, IDLE], liking, [False, True]))
+    log_probabilities = [[-2, -1, -9, -9, 0], ALIKE]
+    step = simulator.step(Actions([RIGHT, IDLE], log_probabilities, [False, True]))
     assert step.moved.tolist() == [UP, IDLE]
     assert step.blocked.tolist() == [True, False]
 
 
-def test_a_chain_of_a_thousand_robots_is_no_deeper_than_memory() -> None:
+def test_a_chain_of_a_thousand_robots_does_not_overflow_the_stack() -> None:
     count = 1000
     simulator = line([(x, 0) for x in range(count)], [(x + 1, 0) for x in range(count)], width=count + 1)
     assert simulator.step([RIGHT] * count).moved.tolist() == [RIGHT] * count
 
 
 def test_without_log_probabilities_all_are_alike() -> None:
-    wishes = [RIGHT, IDLE]
+    given = [RIGHT, IDLE]
     moved = [
         line([(0, 0), (1, 0)], [(4, 0), (1, 0)]).step(one).moved.tolist()
-        for one in (wishes, Actions(wishes, [ALIKE] * 2))
+        for one in (given, Actions(given, [ALIKE] * 2))
     ]
     assert moved[0] == moved[1]
 
 
 @pytest.mark.parametrize(
-    ("wishes", "said"),
+    ("given", "said"),
     [
         (Actions([0, 0], [[0] * 5]), r"log-probabilities of shape \(1, 5\)"),
         (Actions([0, 0], [[0] * 4] * 2), r"log-probabilities of shape \(2, 4\)"),
         (Actions([0, 0], None, [True]), r"silent of shape \(1,\)"),
     ],
 )
-def test_wishes_of_another_shape_are_refused(wishes: Actions, said: str) -> None:
+def test_actions_of_another_shape_are_refused(given: Actions, said: str) -> None:
     with pytest.raises(ValueError, match=said):
-        line([(0, 0), (1, 0)], [(4, 0), (1, 0)]).step(wishes)
+        line([(0, 0), (1, 0)], [(4, 0), (1, 0)]).step(given)
 
 
 def test_a_shield_that_does_not_exist_is_refused() -> None:

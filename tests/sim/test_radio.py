@@ -1,4 +1,4 @@
-"""Who hears whom, against brute force."""
+"""The communication graph, compared with a brute-force implementation."""
 
 import numpy as np
 import pytest
@@ -60,7 +60,7 @@ def test_the_radius_is_euclidean_and_inclusive(offset: tuple[int, int], heard: b
     assert rows(neighbours(np.zeros(2, np.int64), position)) == ([[1], [0]] if heard else [[], []])
 
 
-def test_nobody_hears_itself_even_alone_and_rows_may_be_empty() -> None:
+def test_no_robot_hears_itself_and_rows_may_be_empty() -> None:
     assert neighbours(np.zeros(1, np.int64), np.array([[3, 4]])).shape == (1, 0)
     assert neighbours(np.zeros(0, np.int64), np.zeros((0, 2), np.int64)).shape == (0, 0)
 
@@ -74,7 +74,7 @@ def test_worlds_do_not_hear_each_other_wherever_their_robots_are() -> None:
 
 
 def crowd(seed: int, robots: int = 120, side: int = 30) -> tuple[np.ndarray, np.ndarray]:
-    """Who hears whom in a random team, and the seeds of its robots."""
+    """The neighbourhoods of a random team, and the seeds of its robots."""
     rng = np.random.default_rng(seed)
     streams = rng.integers(2**64, size=robots, dtype=np.uint64)
     return neighbours(np.zeros(robots, np.int64), rng.integers(side, size=(robots, 2))), streams
@@ -122,7 +122,7 @@ def test_a_share_of_the_links_is_lost_each_by_itself(loss: float) -> None:
     assert (both, again) == pytest.approx((loss**2, loss**2), abs=0.01)
 
 
-def test_a_link_is_lost_whoever_else_is_there() -> None:
+def test_whether_a_link_is_lost_does_not_depend_on_other_robots() -> None:
     heard, streams = crowd(2)
     order = np.random.default_rng(0).permutation(120)
     number = np.append(np.argsort(order), -1)

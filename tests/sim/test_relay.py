@@ -1,4 +1,4 @@
-"""The relay hands each robot what it can hear, once a round, and tells it nothing else."""
+"""The relay sends each robot the messages in its range, once per round, and nothing else."""
 
 import itertools
 
@@ -40,7 +40,7 @@ def test_each_robot_gets_what_is_in_its_range_in_every_round(relay: Relay) -> No
 
 
 @given(seed=st.integers(0, 2**32 - 1))
-def test_who_hears_whom_does_not_depend_on_the_order_in_which_they_spoke(seed: int) -> None:
+def test_bundles_do_not_depend_on_the_order_of_arrival(seed: int) -> None:
     rng = RNG(seed)
     robots = int(rng.integers(1, 9))
     hears = [[j for j in range(robots) if j != i and rng.random() < 0.5] for i in range(robots)]
@@ -89,7 +89,7 @@ def test_what_did_not_come_is_missing_and_the_rest_is_handed_on(relay: Relay) ->
     assert heard(relay) == [[payload(1, 1)], [], [], [], []], "of the round before nothing is left"
 
 
-def test_a_round_in_which_nobody_spoke_is_empty(relay: Relay) -> None:
+def test_a_round_without_messages_is_empty(relay: Relay) -> None:
     assert heard(relay) == [[]] * 5
     assert relay.round == 1
 
@@ -105,10 +105,8 @@ def test_payloads_of_an_odd_size_are_left_out(relay: Relay, size: int) -> None:
 
 
 @pytest.mark.parametrize("last", [False, True], ids=["first", "last"])
-def test_a_robot_of_another_encoding_is_left_out_and_keeps_nobody_from_hearing_the_others(
-    relay: Relay, last: bool
-) -> None:
-    """It may have come back in the middle of an episode, started anew."""
+def test_a_message_in_another_encoding_is_left_out_and_the_others_are_relayed(relay: Relay, last: bool) -> None:
+    """Its sender may have been restarted during an episode."""
     if last:
         send(relay, 0, 2, 3, 4, encoding=1)
     send(relay, 1, encoding=2)

@@ -1,4 +1,4 @@
-"""The shield: nothing ever collides, and nobody waits without a reason."""
+"""The shield ``idle``: robots never collide, and no robot waits without a reason."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -19,7 +19,7 @@ sides = st.integers(1, 9)
 
 @settings(max_examples=120)
 @given(seed=seeds, width=sides, height=sides, share=st.floats(0.05, 1), density=st.floats(0, 0.5))
-def test_random_wishes_never_collide_and_nobody_waits_in_vain(
+def test_random_actions_never_collide_and_no_robot_waits_needlessly(
     random_case: Callable, judge: Callable, seed: int, width: int, height: int, share: float, density: float
 ) -> None:
     rng = np.random.default_rng(seed)
@@ -101,7 +101,7 @@ def test_obstacles_and_the_edges_of_the_map_stop_a_robot(
         pytest.param([(0, 1), (2, 1), (1, 0), (1, 2)], [RIGHT, LEFT, UP, DOWN], id="four"),
     ],
 )
-def test_one_of_those_who_want_a_free_cell_gets_it_and_each_wins_equally_often(
+def test_one_of_several_robots_gets_a_free_cell_and_each_wins_equally_often(
     arena: Callable, starts: list, actions: list
 ) -> None:
     rounds = 400
@@ -125,7 +125,7 @@ def test_the_draw_is_a_new_one_in_every_step(arena: Callable) -> None:
     assert winners == {0, 1}
 
 
-def test_a_cell_that_its_robot_leaves_goes_to_one_of_those_who_want_it(arena: Callable) -> None:
+def test_a_cell_that_is_left_goes_to_one_of_the_robots_that_move_to_it(arena: Callable) -> None:
     for number in range(20):
         # Robot 0 leaves the middle; 1 follows it from below, 2 and 3 come from the sides.
         moved = arena(3, 3, [(1, 1), (1, 0), (0, 1), (2, 1)], number=number).step([UP, UP, RIGHT, LEFT]).moved
@@ -133,7 +133,7 @@ def test_a_cell_that_its_robot_leaves_goes_to_one_of_those_who_want_it(arena: Ca
         assert (moved[1:] != IDLE).sum() == 1
 
 
-def test_who_waits_makes_everyone_behind_it_wait(arena: Callable) -> None:
+def test_a_waiting_robot_makes_all_behind_it_wait(arena: Callable) -> None:
     row = [(x, 0) for x in range(5)]
     assert arena(6, 1, row, obstacles=[(5, 0)]).step([RIGHT] * 5).moved.tolist() == [IDLE] * 5
     assert arena(6, 1, row).step([RIGHT, RIGHT, IDLE, RIGHT, RIGHT]).moved.tolist() == [

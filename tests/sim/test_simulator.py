@@ -32,7 +32,7 @@ def simulator_of(cases: list[Case], t_max: list[int], numbers: list[int]) -> Sim
 
 
 def pushed_together(rng: np.random.Generator, random_case: Callable) -> Case:
-    """A small world, whose robots often reach their goals."""
+    """A small world, in which robots often reach their goals."""
     return random_case(rng, int(rng.integers(1, 9)), int(rng.integers(2, 9)), int(rng.integers(1, 7)), 0.1)
 
 
@@ -82,8 +82,8 @@ def test_the_same_seed_gives_the_same_episode_and_another_number_another(random_
 
 def test_recorded_paths_begin_on_the_starts_and_have_every_step() -> None:
     case = Case(np.zeros((2, 3), dtype=bool), np.array([[0, 0], [2, 0]]), np.array([[1, 1], [2, 0]]))
-    wishes = iter([[RIGHT, UP], [UP, DOWN]])
-    paths = run_recorded(simulator_of([case], [9], [0]), lambda _: next(wishes))
+    chosen = iter([[RIGHT, UP], [UP, DOWN]])
+    paths = run_recorded(simulator_of([case], [9], [0]), lambda _: next(chosen))
     assert paths.tolist() == [[[0, 0], [2, 0]], [[1, 0], [2, 1]], [[1, 1], [2, 0]]]
 
 
@@ -143,7 +143,7 @@ def test_nothing_is_left_to_see_or_to_do_in_worlds_that_are_done() -> None:
 
 
 @pytest.mark.parametrize("actions", [[0], [0, 0, 0], [[0, 0]], [0, 5], [-1, 0], []])
-def test_wishes_that_are_no_primitives_are_refused_and_change_nothing(arena: Callable, actions: list) -> None:
+def test_actions_that_are_not_primitives_are_refused_and_change_nothing(arena: Callable, actions: list) -> None:
     simulator = arena(4, 4, [(0, 0), (2, 2)])
     with pytest.raises(ValueError, match="actions"):
         simulator.step(actions)
@@ -162,7 +162,7 @@ def test_cases_t_max_and_streams_must_fit_together() -> None:
 
 
 @pytest.mark.parametrize("loss", [-0.1, 1.1, float("nan")])
-def test_a_loss_that_is_no_share_is_refused(loss: float) -> None:
+def test_a_loss_outside_0_to_1_is_refused(loss: float) -> None:
     with pytest.raises(ValueError, match=f"link loss {loss}"):
         Rules(loss)
 

@@ -1,4 +1,4 @@
-"""Who takes part: nobody before it is ready, nobody after it fell silent, everybody again who answers."""
+"""Which robots take part: those that are ready, not those that became silent, and again those that answer."""
 
 import pytest
 
@@ -70,13 +70,13 @@ def test_silence_ends_and_an_answer_begins_taking_part(team):
     assert team.account([True, False, True]) == []
 
 
-def test_who_comes_back_with_something_else_takes_no_part(team):
+def test_a_robot_that_returns_with_other_equipment_takes_no_part(team):
     for name in "abc":
         make_ready(team, name, 0.0)
     assert team.gather(0.0) == []
     assert team.strangers() == []
     other = EQUIPMENT._replace(digest="another")
-    # So quick that nobody missed it.
+    # So quickly that it missed no tick.
     team.by_name["b"].reported(1.0, 2, other)
     assert team.account([True, True, True]) == ["b"]
     for now in (1.0, 2.0):
@@ -101,7 +101,7 @@ def test_a_team_of_which_all_are_absent_can_come_back(team):
 
 
 def test_robots_of_one_equipment_fit_together(team):
-    assert team.mismatch("direct") is None, "nobody has said anything yet"
+    assert team.mismatch("direct") is None, "no robot has reported yet"
     for name in "abc":
         make_ready(team, name, 0.0)
     assert team.mismatch("direct") is None

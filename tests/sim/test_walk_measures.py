@@ -1,4 +1,4 @@
-"""The measures of an episode that was watched are those of the simulator that ran it."""
+"""The measures computed from recorded positions are those of the simulator."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What the simulator's node makes of messages to be relayed: one node, with nobody there."""
+"""The simulator node without a team: relayed messages, the request to the expert, and bad parameters."""
 
 from unittest import mock
 
@@ -20,17 +20,17 @@ EPISODE = 7
 
 
 class Recorder:
-    """In place of a publisher, or of the timer of the deadline."""
+    """A fake publisher, and a fake timer."""
 
     def __init__(self):
-        self.said = []
+        self.sent = []
         self.running = False
 
     def publish(self, message):
-        self.said.append(message)
+        self.sent.append(message)
 
     def reset(self):
-        assert not self.running, "a deadline must not be put off"
+        assert not self.running, "a running deadline must not be restarted"
         self.running = True
 
     def cancel(self):
@@ -42,7 +42,7 @@ class Recorder:
 
 @pytest.fixture
 def simulator():
-    """A node that has begun a tick of four robots that hear each other, but for d, which is absent; and their tags."""
+    """A node in a tick with four robots in range of each other, of which d is absent; and their tags."""
     context = rclpy.Context()
     with own_domain() as domain:
         rclpy.init(args=[], context=context, domain_id=domain)
@@ -55,7 +55,7 @@ def simulator():
             member.join()
         request = EpisodeRequest(EPISODE, draw_case(1, 0, 5, 5, 4), seed=1, number=0, t_max=9, expert_w=1.1)
         node._server._start(Gathering(None, request, begun=0.0), None, "")
-        tags = [sender.said[-1].own_tag if sender.said else None for sender in node._send]
+        tags = [sender.sent[-1].own_tag if sender.sent else None for sender in node._send]
         assert tags[3] is None
         yield node, tags
         node.destroy_node()
@@ -69,12 +69,12 @@ def send(simulator, robot, number=0, encoding=Feature.FLOAT16, **changes):
     node._on_feature(cdr.pack_feature(*feature))
 
 
-def handed_on(simulator):
-    """The bundles of each robot since it was last asked: round, encoding, payloads."""
+def relayed(simulator):
+    """The bundles of each robot since the last call: round, encoding, payloads."""
     result = []
     for publisher in simulator[0]._relay_to:
-        bundles = [cdr.unpack_bundle(data) for data in publisher.said]
-        publisher.said = []
+        bundles = [cdr.unpack_bundle(data) for data in publisher.sent]
+        publisher.sent = []
         for bundle in bundles:
             assert (bundle.episode, bundle.tick) == (EPISODE, 0)
             assert len(bundle.payloads) == 2 * bundle.messages
@@ -83,30 +83,30 @@ def handed_on(simulator):
     return result
 
 
-def test_a_round_is_handed_on_as_soon_as_all_that_take_part_have_spoken(simulator):
+def test_a_round_is_relayed_when_the_messages_of_all_participants_are_there(simulator):
     node, _ = simulator
     for number in range(3):
         for robot in (2, 0):
             send(simulator, robot, number)
-            assert handed_on(simulator) == [[]] * 4
-            assert node._server.relay_deadline.running, "from the first message on"
+            assert relayed(simulator) == [[]] * 4
+            assert node._server.relay_deadline.running, "it runs from the first message on"
         send(simulator, 1, number)
         others = [[bytes([j, number]) for j in range(3) if j != i] for i in range(3)]
-        assert handed_on(simulator) == [*[[(number, Feature.FLOAT16, parts)] for parts in others], []]
+        assert relayed(simulator) == [*[[(number, Feature.FLOAT16, parts)] for parts in others], []]
         assert not node._server.relay_deadline.running
 
 
-def test_at_the_deadline_what_is_there_is_handed_on(simulator):
+def test_at_the_deadline_the_messages_so_far_are_relayed(simulator):
     node, _ = simulator
     send(simulator, 1)
     node._server.end_round()
-    assert handed_on(simulator) == [[(0, 1, [b"\1\0"])], [(0, 1, [])], [(0, 1, [b"\1\0"])], []]
+    assert relayed(simulator) == [[(0, 1, [b"\1\0"])], [(0, 1, [])], [(0, 1, [b"\1\0"])], []]
     assert not node._server.relay_deadline.running
     send(simulator, 0)  # late: this round is over
     assert not node._server.relay_deadline.running
     send(simulator, 0, number=1)
     assert node._server.relay_deadline.running
-    assert handed_on(simulator) == [[]] * 4
+    assert relayed(simulator) == [[]] * 4
 
 
 @pytest.mark.parametrize(
@@ -120,25 +120,25 @@ def test_at_the_deadline_what_is_there_is_handed_on(simulator):
     ],
     ids=["another episode", "another tick", "a hello", "another round", "an unknown tag"],
 )
-def test_what_is_of_no_use_is_not_handed_on_and_waited_for_no_longer(simulator, changes):
+def test_messages_that_cannot_be_used_are_neither_relayed_nor_counted(simulator, changes):
     node, _ = simulator
     send(simulator, 0, **changes)
     assert not node._server.relay_deadline.running
     for robot in range(3):
         send(simulator, robot)
-    assert [len(bundles) for bundles in handed_on(simulator)] == [1, 1, 1, 0]
+    assert [len(bundles) for bundles in relayed(simulator)] == [1, 1, 1, 0]
 
 
-def test_what_cannot_be_read_harms_nobody(simulator):
+def test_damaged_messages_are_ignored(simulator):
     node, _ = simulator
     for data in (b"", b"abc", cdr.pack_feature(EPISODE, 0, 0, simulator[1][0], 0, b"xy")[:-1]):
         node._on_feature(data)
     assert not node._server.relay_deadline.running
     send(simulator, 0, encoding=99, payload=b"of another kind")
     send(simulator, 1)
-    assert handed_on(simulator) == [[]] * 4
+    assert relayed(simulator) == [[]] * 4
     send(simulator, 2)
-    assert handed_on(simulator) == [[(0, 1, [b"\1\0", b"\2\0"])], [(0, 1, [b"\2\0"])], [(0, 1, [b"\1\0"])], []]
+    assert relayed(simulator) == [[(0, 1, [b"\1\0", b"\2\0"])], [(0, 1, [b"\2\0"])], [(0, 1, [b"\1\0"])], []]
 
 
 def test_nothing_is_relayed_between_episodes(simulator):
@@ -146,11 +146,11 @@ def test_nothing_is_relayed_between_episodes(simulator):
     node._server.state = Idle()
     send(simulator, 0)
     node._server.end_round()
-    assert handed_on(simulator) == [[]] * 4
+    assert relayed(simulator) == [[]] * 4
     assert not node._server.relay_deadline.running
 
 
-def test_a_radio_that_does_not_exist_is_refused():
+def test_an_unknown_radio_is_refused():
     context = rclpy.Context()
     with own_domain() as domain:
         rclpy.init(args=[], context=context, domain_id=domain)

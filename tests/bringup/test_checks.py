@@ -6,6 +6,7 @@ from unittest import mock
 
 import pytest
 
+from magat_bringup.run_plan import RunPlan
 from magat_cli.main import main
 from magat_robot.policy.models import find_policy
 
@@ -81,3 +82,15 @@ def test_a_team_file_names_the_robots(capfd, tmp_path):
     (tmp_path / "team.yaml").write_text("robots: [alice, bob]\n")
     said = refused(capfd, tmp_path, "--team", str(tmp_path / "team.yaml"), "--robots", "3")
     assert "--robots has no effect with --team" in said
+
+
+@pytest.mark.parametrize("bound", ["0.5", "nan", "inf"])
+def test_a_bound_that_the_expert_cannot_have_is_refused(capfd, bound):
+    with pytest.raises(SystemExit):
+        main(["run", "--expert-w", bound])
+    assert f"{bound} is not a bound: give 1 (optimal) or more" in " ".join(capfd.readouterr().err.split())
+
+
+def test_the_episodes_are_asked_for_with_the_bound_of_the_plan(tmp_path):
+    plan = RunPlan(episodes=1, width=9, height=9, density=0.1, seed=1, first=0, output=tmp_path, expert_w=5.0)
+    assert plan.goal(0).expert_w == 5.0

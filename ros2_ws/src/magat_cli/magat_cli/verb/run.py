@@ -14,7 +14,7 @@ NEEDS_ROS = True
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The verb's options."""
-    from magat_evaluation.splits import SPLITS
+    from magat_evaluation.splits import EXPERT_W, SPLITS
     from magat_robot.policy.backends import BACKENDS
 
     parser.add_argument(
@@ -72,17 +72,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="write all messages of the team to a rosbag2 folder (default: bag in the output folder)",
     )
     parser.add_argument("--require", type=int, default=0, metavar="N", help="fail unless N episodes are complete")
+    parser.add_argument(
+        "--expert-w",
+        type=_bound,
+        default=EXPERT_W,
+        metavar="W",
+        help=f"bound of the expert's cost over the optimum, from which T_max follows (default: {EXPERT_W:g})",
+    )
     parser.add_argument("--map", type=Path, metavar="FILE", help="MovingAI's .map, with --scen, instead of drawn cases")
     add_world(parser)
     add_policy(parser)
     add_size(parser)
 
 
+def _bound(text: str) -> float:
+    """A suboptimality bound: a finite number of at least 1."""
+    value = float(text)
+    if not 1.0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not a bound: give 1 (optimal) or more")
+    return value
+
+
 def main(options: Options, console: "Console") -> int:
     """Run the verb; returns the exit status."""
     from rich.console import Console
 
-    from magat_bringup.run import RunPlan, run
+    from magat_bringup.run import run
+    from magat_bringup.run_plan import RunPlan
     from magat_bringup.team import TeamFile, TeamPlan
     from magat_cli.verb.export import exported_policy
     from magat_node.errors import MagatError

@@ -37,14 +37,14 @@ def recorder(context: rclpy.Context, bag: Path, *robots: str) -> RecorderNode:
 
 
 @pytest.mark.parametrize("last", ["a robot", "the simulator"])
-def test_it_is_ready_when_it_has_heard_each_robot_and_the_simulator_speak_to_each(context, tmp_path, last):
+def test_it_is_ready_after_a_status_and_an_observation_of_each_robot(context, tmp_path, last):
     node = recorder(context, tmp_path / "bag", "alice", "bob", "carol")
     team: Node = rclpy.create_node("team", context=context)
     executor = SingleThreadedExecutor(context=context)
     for one in (node, team):
         executor.add_node(one)
-    told: list[Empty] = []
-    RECORDER_READY.subscription(team, told.append)
+    ready: list[Empty] = []
+    RECORDER_READY.subscription(team, ready.append)
     simulator = [
         team.create_publisher(Observation, f"{name}/observation", qos.newest(4)) for name in ("alice", "bob", "carol")
     ]
@@ -62,23 +62,23 @@ def test_it_is_ready_when_it_has_heard_each_robot_and_the_simulator_speak_to_eac
     ends = (*simulator, robots)
     assert spin(lambda: all(end.get_subscription_count() for end in ends), 20.0)
 
-    def speak(publishers) -> None:
+    def observe(publishers) -> None:
         for publisher in publishers:
             publisher.publish(Observation(tick=HELLO, own_tag=1))
 
     report("alice", "bob")
     if last == "a robot":
-        speak(simulator)
+        observe(simulator)
     else:
         report("carol")
-        speak(simulator[:2])
+        observe(simulator[:2])
     spin()
     assert not node.ready
     if last == "a robot":
         report("carol")
     else:
-        speak(simulator[2:])
-    assert spin(lambda: bool(told), 20.0)
+        observe(simulator[2:])
+    assert spin(lambda: bool(ready), 20.0)
     assert node.ready
     executor.remove_node(node)
     node.destroy_node()
@@ -87,7 +87,7 @@ def test_it_is_ready_when_it_has_heard_each_robot_and_the_simulator_speak_to_eac
 
 
 @pytest.mark.parametrize("given", [{}, {"bag": "somewhere"}, {"robots": ["alice"]}], ids=str)
-def test_it_says_what_it_is_to_be_told(context, given, tmp_path):
+def test_it_names_missing_parameters(context, given, tmp_path):
     values = {name: str(tmp_path / value) if name == "bag" else value for name, value in given.items()}
-    with pytest.raises(ValueError, match="name a folder and the robots"):
+    with pytest.raises(ValueError, match="the parameters bag and robots are needed"):
         RecorderNode(context=context, parameter_overrides=[Parameter(n, value=v) for n, v in values.items()])

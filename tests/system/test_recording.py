@@ -1,4 +1,4 @@
-"""Recordings of real teams: nothing is lost at full rate, little when the recorder is killed, all is shown again."""
+"""Recordings of real teams: complete at full rate, nearly complete if the recorder is killed, and replayed."""
 
 import io
 import json
@@ -59,7 +59,7 @@ def said_by(process: subprocess.Popen[str], timeout: float = 60) -> str:
 
 @pytest.fixture(scope="module", params=["direct", pytest.param("relayed", marks=pytest.mark.faults)])
 def run(request, tmp_path_factory) -> Path:
-    """The output folder of a run of twenty robots that was recorded and looked at."""
+    """The output folder of a recorded run of twenty robots with an RViz bridge."""
     folder = tmp_path_factory.mktemp(request.param)
     # The second time fewer processes, which start sooner.
     crew = {"direct": 1, "relayed": 5}[request.param]
@@ -69,7 +69,7 @@ def run(request, tmp_path_factory) -> Path:
 
 
 @pytest.mark.timeout(200)
-def test_every_message_of_every_tick_of_twenty_robots_is_there(run):
+def test_a_recording_of_twenty_robots_is_complete(run):
     recording = TeamRecording(run / "bag")
     results = json.loads((run / "results.json").read_text())
     ticks = sum(result["ticks"] for result in results)
@@ -89,7 +89,7 @@ def test_every_message_of_every_tick_of_twenty_robots_is_there(run):
 
 
 @pytest.mark.timeout(200)
-def test_other_libraries_read_all_of_it(run):
+def test_other_libraries_read_all_messages(run):
     count = 0
     with AnyReader([run / "bag"]) as reader:
         for connection, _, data in reader.messages():
@@ -105,7 +105,7 @@ def test_other_libraries_read_all_of_it(run):
 
 
 @pytest.mark.timeout(200)
-def test_magat_analyze_finds_the_runs_own_measures_and_the_attention_of_its_robots(run, tmp_path, capfd):
+def test_magat_analyze_prints_the_measures_of_the_run_and_attention(run, tmp_path, capfd):
     assert main(["analyze", str(run / "bag"), "--json", "--output", str(tmp_path)]) == 0
     said = json.loads(capfd.readouterr().out)
     results = json.loads((run / "results.json").read_text())
@@ -128,9 +128,7 @@ def test_the_worked_example_runs(run, tmp_path):
 
 
 @pytest.mark.faults
-def test_nothing_is_lost_of_a_team_with_a_discovery_server_nor_the_policy_that_it_was_given(
-    start_team, tmp_path, monkeypatch
-):
+def test_a_recording_with_a_discovery_server_and_a_deployment_is_complete(start_team, tmp_path, monkeypatch):
     with start_team(3, server=True, record=tmp_path / "bag") as team:
         for name, value in Network(int(team.environment["ROS_DOMAIN_ID"]), LOOPBACK).tool_variables.items():
             monkeypatch.setenv(name, value)
@@ -147,7 +145,7 @@ def test_nothing_is_lost_of_a_team_with_a_discovery_server_nor_the_policy_that_i
     assert {file.name: bytes(file.data) for file in orders[0].files} == read_files(find_policy("GNN-F-128"))
 
 
-def test_of_a_recorder_that_is_killed_all_but_the_last_second_is_there(start_team, tmp_path):
+def test_a_killed_recorder_loses_at_most_the_last_second(start_team, tmp_path):
     bag = tmp_path / "bag"
     began, killed = [], []
 
@@ -185,7 +183,7 @@ def test_of_a_recorder_that_is_killed_all_but_the_last_second_is_there(start_tea
 
 
 @pytest.mark.faults
-def test_the_recorder_writes_over_nothing_and_says_nothing_to_the_team(start_team, tmp_path):
+def test_the_recorder_overwrites_nothing_and_publishes_nothing_to_the_team(start_team, tmp_path):
     (tmp_path / "bag").mkdir()
     with pytest.raises(TeamError, match="exists already: remove it"), start_team(2, record=tmp_path / "bag") as team:
         team.client.wait_for_recorder()
@@ -201,7 +199,7 @@ def test_the_recorder_writes_over_nothing_and_says_nothing_to_the_team(start_tea
 
 
 @pytest.mark.faults
-def test_a_running_team_is_joined_and_what_it_does_from_then_on_is_recorded(start_team, tmp_path):
+def test_magat_record_joins_a_running_team(start_team, tmp_path):
     bag = tmp_path / "bag"
     with start_team(3) as team:
         team.run(team.goal(CASE))
@@ -223,7 +221,7 @@ def test_a_running_team_is_joined_and_what_it_does_from_then_on_is_recorded(star
 
 @pytest.mark.faults
 @pytest.mark.parametrize("run", ["direct"], indirect=True)
-def test_the_world_is_shown_again_faster_and_a_view_draws_it(run):
+def test_a_replay_is_faster_and_an_rviz_bridge_draws_it(run):
     worlds, maps = [], []
     context = rclpy.Context()
     with own_domain() as domain:

@@ -1,4 +1,4 @@
-"""The page of real teams: what the world said, and what a robot saw, heard and decided; and it disturbs nobody."""
+"""The page of real teams shows their worlds and the details of a robot, and does not disturb the team."""
 
 import os
 import re
@@ -30,7 +30,7 @@ POSITIONS = slice(32, 32 + 40)
 
 @pytest.fixture(params=["team", pytest.param("relayed_team", marks=pytest.mark.faults)])
 def watched(request) -> Iterator[tuple]:
-    """A team of ten, one with either radio, and its page in this process."""
+    """A team of ten robots, with either radio, and its page in this process."""
     team = request.getfixturevalue(request.param)
     context = rclpy.Context()
     rclpy.init(args=[], context=context, domain_id=int(team.environment["ROS_DOMAIN_ID"]))
@@ -41,13 +41,13 @@ def watched(request) -> Iterator[tuple]:
         context.try_shutdown()
 
 
-def heard_by_the_page(team) -> set[str]:
+def page_subscriptions(team) -> set[str]:
     node = team.client.node
     return {topic for topic, _ in node.get_subscriber_names_and_types_by_node("viewer", "/")}
 
 
 @pytest.mark.timeout(200)
-def test_it_shows_the_world_and_the_inside_of_the_chosen_robot(watched):
+def test_it_shows_the_world_and_the_detail_of_the_chosen_robot(watched):
     team, page = watched
     with Follower(page.url, chosen=3) as follower:
         assert team.client.spin(lambda: follower.counts["team"] > 0, 20.0)
@@ -57,19 +57,19 @@ def test_it_shows_the_world_and_the_inside_of_the_chosen_robot(watched):
             details.append(follower.last.get("detail", details[0]))
 
         deadline = time.monotonic() + 90
-        # At first it has no policy loaded, and does not hear what the robot is told.
+        # At first the policy is not loaded, and the observations are not subscribed to.
         while not any(any(one["attention"] for one in detail["neighbours"]) for detail in details):
             assert time.monotonic() < deadline, details[-1:]
             outcome = team.run(team.goal(CASE), look)
             missed |= any(any(world.missing) for world in outcome.recording.worlds.values())
-            # Nor does it hear the world of the first episode, if it came late.
+            # If it joined late, it did not receive the first world of the episode either.
             if team.client.spin(lambda ticks=outcome.result.ticks: shown_tick(follower) == ticks, 5.0):
                 recordings[follower.last["scene"]["episode"]] = outcome.recording
-        heard = heard_by_the_page(team)
+        heard = page_subscriptions(team)
         assert heard >= {"/world", "/robot_status", "/robot_3/observation"}
         others = {"/preference", "/feature", "/robot_3/heard"}
-        if not missed:  # what robots say costs them another listener
-            assert team.client.spin(lambda: not heard_by_the_page(team) & others, 5.0)
+        if not missed:  # subscribing to robots' messages would cost them time
+            assert team.client.spin(lambda: not page_subscriptions(team) & others, 5.0)
 
         last = outcome.recording
         frame = follower.last["frames"]
@@ -91,15 +91,15 @@ def test_it_shows_the_world_and_the_inside_of_the_chosen_robot(watched):
         assert sum(detail["probabilities"]) == pytest.approx(1, abs=1e-3)
         assert detail["action"] == recording.action[tick, 3]
         assert detail["no_attention"] == ""
-    # Nobody looks at a robot any more: only what is told to all tools is heard.
+    # No robot is chosen any more.
     node = team.client.node
-    assert team.client.spin(lambda: heard_by_the_page(team) == {"/world", "/robot_status"}, 20.0)
+    assert team.client.spin(lambda: page_subscriptions(team) == {"/world", "/robot_status"}, 20.0)
     spoken = {topic for topic, _ in node.get_publisher_names_and_types_by_node("viewer", "/")}
     assert spoken <= {"/rosout", "/parameter_events"}
 
 
 def run_until_shown(team, follower: Follower) -> EpisodeOutcome:
-    """Runs episodes until one is shown: a page that has just started hears the simulator a little later."""
+    """Runs episodes until one is shown: a page that has just started discovers the simulator a little later."""
     seen, deadline = follower.counts["frames"], time.monotonic() + 30
     while True:
         assert time.monotonic() < deadline, "no episode is shown"
@@ -114,7 +114,7 @@ def shown_tick(follower: Follower) -> int:
 
 
 @pytest.mark.faults
-def test_the_page_is_a_process_of_the_team_and_is_started_again(start_team):
+def test_a_page_that_is_killed_is_restarted(start_team):
     port = free_port()
     with start_team(2, view=port) as team, Follower(f"http://{HOST}:{port}/") as follower:
         for times in (1, 2):
@@ -136,7 +136,7 @@ def test_the_page_is_a_process_of_the_team_and_is_started_again(start_team):
 
 
 @pytest.mark.faults
-def test_a_team_that_runs_is_joined(team):
+def test_magat_view_joins_a_running_team(team):
     inherited = {k: v for k, v in os.environ.items() if k != "_ROS_WHEELS_BOOTSTRAP_COMPLETE"}
     view = subprocess.Popen(
         [sys.executable, "-m", "magat_cli", "view", "--namespace", "/"],

@@ -51,7 +51,7 @@ def test_training_leaves_a_policy_that_loads_and_decides_with_its_card_and_recip
     view, streams = np.zeros((2, 3, 11, 11), dtype=np.uint8), np.zeros(2, dtype=np.uint64)
     assert policy.decide_together(view, np.array([[1], [0]]), streams, 0).weights.shape == (2, 5)
     assert read_recipe(str(folder / "training.yaml")) == read_recipe(command[1])
-    assert [report["robots"] for report in read(folder)] == [3]
+    assert [report.robots for report in read(folder)] == [3]
     text = (folder / "card.md").read_text()
     assert "| 6 |" in text, "the curve"
     assert "| 10x10 (3) | 2 | 1.5 |" in text, "what was measured"

@@ -3,12 +3,14 @@
 import json
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 from rich.console import Console
 
+from magat_recording import tables
 from magat_recording.attention import attention_received, effective_neighbours, links, relative_attention
 from magat_recording.bag import BagError
 from magat_recording.deadlocks import deadlocks
@@ -309,3 +311,14 @@ def test_the_report_is_plain_json_and_pictures_and_tables_are_written(simulate, 
     tables = ("episodes", "ticks", "robots", "messages", "lost", "links", "deadlocks")
     assert written == {"timing.png", "decisions.png", *(f"{name}.csv" for name in tables)}
     assert len(pd.read_csv(tmp_path / "out" / "robots.csv")) == len(findings.recording.robots)
+
+
+def test_a_bag_of_an_older_version_is_refused(simulate, small_policy, monkeypatch):
+    made = simulate(small_policy(), episodes=1)
+    messages = [
+        one._replace(message=SimpleNamespace(episode=1, tick=0)) if one.type.endswith("/World") else one
+        for one in tables.read_bag(made.bag)
+    ]
+    monkeypatch.setattr(tables, "read_bag", lambda bag: messages)
+    with pytest.raises(BagError, match="older version"):
+        TeamRecording(made.bag)

@@ -64,10 +64,12 @@ class TeamRecording:
         """Read ``bag``.
 
         Raises:
-            BagError: it cannot be read, or it has no complete episode.
+            BagError: it cannot be read, it has no complete episode, or it is of an older version.
         """
         self._messages = list(read_bag(bag))
         worlds = [message for message in self._messages if _kind(message) == "World"]
+        if worlds and not hasattr(worlds[0].message, "action"):
+            raise BagError(f"{bag} was recorded by an older version, without the field World.action: record it again")
         logs: dict[int, WorldLog] = {}
         for world in worlds:
             number = world.message.episode

@@ -445,6 +445,15 @@ def test_a_share_of_each_batch_is_the_online_experts(
     assert sizes == [[(False, 8)]] * 4 + [[(False, 8 - online), (True, online)]] * 2
 
 
+def test_a_checkpoint_of_an_older_version_is_refused(tmp_path: Path, solved: list[SolvedCase]) -> None:
+    trained(tmp_path, solved, stop_after=5)
+    state = torch.load(tmp_path / "checkpoint.pt", weights_only=True)
+    state["lessons"] = state.pop("corrections")
+    torch.save(state, tmp_path / "checkpoint.pt")
+    with pytest.raises(ValueError, match=r"checkpoint\.pt was written by an older version: choose another folder"):
+        trained(tmp_path, solved)
+
+
 def test_a_folder_of_another_run_is_refused(tmp_path: Path, solved: list[SolvedCase]) -> None:
     trained(tmp_path, solved, stop_after=5)
     before = (tmp_path / "checkpoint.pt").read_bytes()

@@ -267,6 +267,8 @@ class Trainer:
                 f"{self._checkpoint} belongs to a run of {state['workers']} processes, not {self._workers.count}: "
                 f"start {state['workers']}"
             )
+        if "corrections" not in state:
+            raise ValueError(f"{self._checkpoint} was written by an older version: choose another folder")
         self.step, self.best, self.seconds = state["step"], state["best"], state["seconds"]
         if self._workers.first and self._log.exists():
             # A run that was killed between log and checkpoint repeats that validation; one that was killed while it

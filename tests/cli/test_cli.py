@@ -48,7 +48,10 @@ def test_a_team_is_scored_in_another_encoding_and_with_links_lost(capfd, policy_
     plain = report()
     assert (plain["encoding"], plain["link_loss"]) == ("float32", 0.0)
     # float16 holds every number of a message.
-    assert report("--encoding", "float16") == plain | {"encoding": "float16"}
+    assert report("--encoding", "float16") == plain | {
+        "encoding": "float16",
+        "bytes_per_step": plain["bytes_per_step"] - 2 * 128,
+    }
     names = ("delta_ft", "delta_ft_strict", "moves_blocked")
     for options in (["--encoding", "int8"], ["--link-loss", "0.5"]):
         other = report(*options)

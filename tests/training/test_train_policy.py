@@ -95,7 +95,7 @@ def test_the_bench_accounts_for_every_part_of_a_run():
     assert 10e6 < bench.flops < 40e6, "as counted by hand: 3.4 million products, three times, two operations each"
     console = Console(width=200, file=io.StringIO(), record=True)
     console.print(table(bench))
-    assert "observations a second" in console.export_text()
+    assert "observations per second" in console.export_text()
 
 
 def test_the_log_of_the_run_is_kept_with_the_policy(tmp_path, command):

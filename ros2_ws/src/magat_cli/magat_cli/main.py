@@ -60,7 +60,7 @@ def _run(verb: ModuleType, options: Options, args: list[str]) -> int:
         console.print(f"interrupted: {str(interrupt) or 'every process has ended'}")
         return INTERRUPTED
     except MagatError as error:
-        console.print(f"[bold red]magat:[/] {escape(str(error))}", highlight=False)
+        console.print(f"[bold red]magat:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
         return 1
 
 

@@ -78,7 +78,7 @@ def test_where_there_is_no_plan_nobody_moves() -> None:
 
 @pytest.mark.parametrize("name", BASELINES)
 def test_a_case_scores_alone_as_among_others_of_other_sizes(name: str, solved: list[SolvedCase]) -> None:
-    planner, shield = BASELINES[name]
+    planner, (shield, *_) = BASELINES[name]
     mixed = [*solved[:4], *solved_cases(range(100, 102), workers=1, width=6, height=11, robots=3)]
     together = evaluate_planner(planner, mixed, rules=Rules(shield=shield))
     assert [evaluate_planner(planner, [s], rules=Rules(shield=shield))[0] for s in mixed] == together

@@ -148,7 +148,7 @@ def table(policy: str, speeds: Sequence[SimSpeed]) -> Table:
     """The speeds for the terminal."""
     result = Table(title=f"{policy} in the batched simulator", title_justify="left", box=None, pad_edge=False)
     for heading in ("worlds", "steps", "seconds", "steps/s", "robot-steps/s", *PARTS, MOVE):
-        result.add_column(heading, justify="left" if heading == "worlds" else "right")
+        result.add_column(heading, justify="left" if heading == "worlds" else "right", overflow="fold")
     for speed in speeds:
         result.add_row(
             speed.which.name,

@@ -5,6 +5,7 @@ by the distance to its goal; the shield ``pibt`` resolves the conflicts.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -12,12 +13,14 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from magat_evaluation.cases import SolvedCase
+from magat_evaluation.greedy import greedy
 from magat_evaluation.planners import Planner
 from magat_expert import Solution, solve_hca, solve_replan
 from magat_robot.policy.sampling import uniform
 from magat_sim.case import Case
 from magat_sim.grid import DELTAS, BoolArray, IntArray, primitives_between
 from magat_sim.rollout import Decide
+from magat_sim.shield import SHIELDS
 from magat_sim.simulator import Actions, Observation, Simulator
 
 #: Time limit of HCA and Replan for each case, seconds.
@@ -98,9 +101,18 @@ def _walk(solved: Sequence[SolvedCase], simulator: Simulator, plan: Callable[[So
     return lambda observation: made[min(observation.tick, len(made) - 1)][simulator.active]
 
 
-#: The baselines by name, each with its shield.
-BASELINES: Mapping[str, tuple[Planner, str]] = {
-    "HCA": (hca, "idle"),
-    "Replan": (replan, "idle"),
-    "PIBT": (pibt, "pibt"),
+class Baseline(NamedTuple):
+    """A planner without learning."""
+
+    planner: Planner
+    #: The shields with which it can be run; the first one is the default.
+    shields: tuple[str, ...]
+
+
+#: By name.
+BASELINES: Mapping[str, Baseline] = {
+    "HCA": Baseline(hca, ("idle",)),
+    "Replan": Baseline(replan, ("idle",)),
+    "PIBT": Baseline(pibt, ("pibt",)),
+    "greedy": Baseline(greedy, tuple(SHIELDS)),
 }

@@ -73,10 +73,15 @@ class Candidate:
         return cls(name or config.name, digest, *conditions, bytes_per_step(config), make_planner)
 
     @classmethod
-    def of_baseline(cls, name: str) -> "Candidate":
-        """One of the `BASELINES`; it has no weights, messages and temperature."""
-        planner, shield = BASELINES[name]
-        return cls(name, "", 0.0, "", Rules(shield=shield), 0, lambda: planner)
+    def of_baseline(cls, name: str, shield: str | None = None) -> "Candidate":
+        """One of the `BASELINES`; it has no weights, messages and temperature.
+
+        Args:
+            name: of the baseline.
+            shield: one of the baseline's shields; the first of them if None.
+        """
+        planner, shields = BASELINES[name]
+        return cls(name, "", 0.0, "", Rules(shield=shield or shields[0]), 0, lambda: planner)
 
     def key(self, cases: CaseSet) -> EvaluationKey:
         """What identifies its evaluation on ``cases``."""

@@ -20,7 +20,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from magat_evaluation.sets import TEST_SETS
     from magat_evaluation.splits import SPLITS
 
-    parser.epilog = "--policy also takes the baselines HCA, Replan and PIBT, which plan without learning"
+    parser.epilog = (
+        "--policy also takes the baselines HCA, Replan and PIBT, which plan without learning, and greedy, which walks "
+        "towards the goal by its field of view alone"
+    )
     parser.add_argument("--cases", type=positive, help=f"number of cases (default: {CASES}, or all cases of a set)")
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--split", choices=sorted(SPLITS), default="test", help="of drawn cases (default: test)")
@@ -54,8 +57,10 @@ def main(options: Options, console: "Console") -> int:
     from magat_sim.simulator import Rules
 
     if options.policy in BASELINES:
-        options.without_effect(f"the baseline {options.policy}", "shield", "link_loss", "temperature", "encoding")
-        candidate = Candidate.of_baseline(options.policy)
+        fixed = ["shield"] if len(BASELINES[options.policy].shields) == 1 else []
+        useless = ("link_loss", "temperature", "encoding", *fixed)
+        options.without_effect(f"the baseline {options.policy}", *useless)
+        candidate = Candidate.of_baseline(options.policy, None if fixed else options.shield)
     else:
         folder = find_policy(options.policy)
         rules = Rules(options.link_loss, options.shield)

@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
-from magat_evaluation.baselines import BASELINES
 from magat_evaluation.candidates import Candidate, Setting
 from magat_evaluation.points import Point
 from magat_evaluation.report import Report
@@ -15,8 +14,8 @@ from magat_evaluation.tables import measure_cells
 from magat_sim.shield import SHIELDS
 from magat_sim.simulator import Rules
 
-#: HCA and Replan plan too long for the teams of the set large.
-LARGE_BASELINES = ("PIBT",)
+#: Baselines of the sets. HCA and Replan plan too long for the teams of the set large.
+SET_BASELINES, LARGE_BASELINES = ("HCA", "Replan", "PIBT"), ("PIBT",)
 
 
 def test_set(name: str, candidates: Sequence[Candidate]) -> Study:
@@ -41,7 +40,7 @@ def test_set(name: str, candidates: Sequence[Candidate]) -> Study:
 
 def full_test_set(name: str, policies: Mapping[str, Path]) -> Study:
     """One of the paper's test sets, of ``policies`` under each shield, and of the baselines."""
-    baselines = LARGE_BASELINES if name == "large" else BASELINES
+    baselines = LARGE_BASELINES if name == "large" else SET_BASELINES
     settings = [Setting(rules=Rules(shield=shield)) for shield in SHIELDS]
     return test_set(
         name,

@@ -48,24 +48,9 @@ class EvaluationKey:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Report:
+class Report(EvaluationKey):
     """What one evaluation measured, and on what. Measures are those of `SetMeasures`, conditions those of the key."""
 
-    policy: str
-    digest: str
-    temperature: float
-    encoding: str
-    link_loss: float
-    shield: str
-    shield_version: int
-    width: int
-    height: int
-    robots: int
-    density: float
-    expert_w: float
-    generator_version: int
-    seed: int
-    first_case: int
     #: Cases that were measured: those asked for, without those that the expert does not solve.
     cases: int
     unsolved_by_expert: int

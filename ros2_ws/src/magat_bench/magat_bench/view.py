@@ -203,7 +203,7 @@ def table(results: Iterable[tuple[Crowd, Smoothness]]) -> Table:
     )
     columns = ("robots", "map", "ticks/s", "frames/s", "draw p50 ms", "p95 ms", "server CPU", "alone", "browser CPU")
     for heading in columns:
-        result.add_column(heading, justify="right", no_wrap=True)
+        result.add_column(heading, justify="right", overflow="fold")
     for crowd, found in results:
         result.add_row(
             str(crowd.robots),

@@ -14,9 +14,8 @@ from scipy.sparse.csgraph import dijkstra
 
 from magat_evaluation.cases import SolvedCase
 from magat_evaluation.greedy import greedy
-from magat_evaluation.planners import Planner
+from magat_evaluation.planners import Planner, prefer_near
 from magat_expert import Solution, solve_hca, solve_replan
-from magat_robot.policy.sampling import uniform
 from magat_sim.case import Case
 from magat_sim.grid import DELTAS, BoolArray, IntArray, primitives_between
 from magat_sim.rollout import Decide
@@ -50,16 +49,13 @@ def pibt(solved: Sequence[SolvedCase], simulator: Simulator) -> Decide:
 
     def decide(observation: Observation) -> Actions:
         robots = simulator.active
-        liking = np.empty((len(robots), len(DELTAS)))
+        distance = np.empty((len(robots), len(DELTAS)))
         for world in np.unique(simulator.world[robots]):
             here = simulator.world[robots] == world
             mine = robots[here] - np.searchsorted(simulator.world, world)
             cells = simulator.position[robots[here]][:, None] + DELTAS + 1  # in a map with a border
-            liking[here] = -steps_to_goal[world][mine[:, None], cells[..., 1], cells[..., 0]]
-        for primitive in range(len(DELTAS)):
-            draws = uniform(observation.streams, observation.tick * len(DELTAS) + primitive)
-            liking[:, primitive] -= 0.5 * draws  # less than the step between two distances
-        return Actions(liking.argmax(axis=1), liking)
+            distance[here] = steps_to_goal[world][mine[:, None], cells[..., 1], cells[..., 0]]
+        return prefer_near(distance, observation)
 
     return decide
 

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from magat_evaluation.cases import SolvedCase
-from magat_robot.policy.sampling import uniform
+from magat_evaluation.planners import prefer_near
 from magat_sim.field_of_view import CENTRE, GOAL, OBSTACLES, SIZE, Uint8Array
 from magat_sim.grid import DELTAS
 from magat_sim.rollout import Decide
@@ -25,11 +25,7 @@ def greedy(_: Sequence[SolvedCase], __: Simulator) -> Decide:
     """
 
     def decide(observation: Observation) -> Actions:
-        preference = -distances_in_view(observation.field_of_view)
-        for primitive in range(len(DELTAS)):
-            draws = uniform(observation.streams, observation.tick * len(DELTAS) + primitive)
-            preference[:, primitive] -= 0.5 * draws  # less than the difference between two distances
-        return Actions(preference.argmax(axis=1), preference)
+        return prefer_near(distances_in_view(observation.field_of_view), observation)
 
     return decide
 

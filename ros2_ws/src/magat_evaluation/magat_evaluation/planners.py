@@ -3,9 +3,14 @@
 from collections.abc import Callable, Sequence
 from functools import partial
 
+import numpy as np
+import numpy.typing as npt
+
 from magat_evaluation.cases import SolvedCase
 from magat_evaluation.splits import SET_SEED
 from magat_robot.policy.policy import Policy
+from magat_robot.policy.sampling import uniform
+from magat_sim.grid import DELTAS
 from magat_sim.measures import EpisodeMeasures
 from magat_sim.rollout import Decide, run
 from magat_sim.simulator import DEFAULT_RULES, Actions, Observation, Rules, Simulator
@@ -83,3 +88,17 @@ def _decide(policy: Policy, observation: Observation) -> Actions:
         observation.field_of_view, observation.heard, observation.streams, observation.tick
     )
     return Actions(decision.primitives, decision.log_probabilities)
+
+
+def prefer_near(distances: npt.NDArray[np.floating], observation: Observation) -> Actions:
+    """Prefer the primitives that lead nearest to the goal; break ties by the robots' own random streams.
+
+    Args:
+        distances: ``[R, 5]`` steps to the goal from where each primitive leads.
+        observation: of the R robots.
+    """
+    preference = -distances.astype(np.float64)
+    for primitive in range(len(DELTAS)):
+        draws = uniform(observation.streams, observation.tick * len(DELTAS) + primitive)
+        preference[:, primitive] -= 0.5 * draws  # less than the difference between two distances
+    return Actions(preference.argmax(axis=1), preference)

@@ -8,7 +8,7 @@ from magat_robot.policy.layers import LAYERS
 #: Each kind of layer, with combinations of heads, hops, layers and types B and F.
 VARIANTS = {
     "MAGAT-F-16": {},
-    "MAGAT-B-8-P4": {},
+    "MAGAT-B-8-P4": {"cnn": "centred"},
     "MAGAT-F-8-P3": {"taps": 3, "layers": 2},
     "GAT-F-16": {},
     "GAT-B-8-P3": {"taps": 3, "layers": 2},

@@ -97,6 +97,8 @@ def test_each_round_of_each_layer_has_its_size_of_messages(
         {"channels": (32, 64)},
         {"channels": (32, 64, 0)},
         {"channels": (32, 4097, 64)},
+        {"cnn": ""},
+        {"cnn": "wide"},
         {"hidden": 0},
         {"hidden": 4097},
         {"taps": 0},
@@ -150,7 +152,7 @@ def test_values_at_the_ends_of_their_ranges_are_allowed(values: dict) -> None:
 
 
 def test_a_configuration_survives_json() -> None:
-    sizes = {"hidden": 48, "taps": 3, "layers": 2, "normalise": False}
+    sizes = {"cnn": "centred", "hidden": 48, "taps": 3, "layers": 2, "normalise": False}
     config = PolicyConfig("GNN-B-32-P4", (8, 12, 16), **sizes, encoding="int8", temperature=0.5)
     values = config.to_json()
     assert PolicyConfig.from_json(values) == PolicyConfig.from_json(json.loads(json.dumps(values))) == config
@@ -195,6 +197,9 @@ def test_a_whole_number_may_be_a_temperature() -> None:
         {"channels": ["a", "b", "c"]},
         {"channels": [32, 64, True]},
         {"channels": {"0": 32, "1": 64, "2": 128}},
+        {"cnn": None},
+        {"cnn": 1},
+        {"cnn": ["padded"]},
         {"taps": "two"},
         {"taps": 2.0},
         {"taps": True},
@@ -239,6 +244,12 @@ def test_a_missing_key_is_refused(key: str) -> None:
     del values[key]
     with pytest.raises(ModelError, match="exactly the keys"):
         PolicyConfig.from_json(values)
+
+
+def test_policies_of_before_there_was_another_cnn_have_the_padded_one() -> None:
+    values = PolicyConfig().to_json()
+    del values["cnn"]
+    assert PolicyConfig.from_json(values).cnn == "padded"
 
 
 @pytest.mark.parametrize("values", [None, [], "MAGAT-F-128", {}, {"name": "MAGAT-F-128"}], ids=repr)

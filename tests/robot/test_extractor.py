@@ -94,6 +94,45 @@ def test_the_extractor_is_a_stem_and_three_residual_blocks(
     assert extractor(fields_of_view).detach().numpy() == pytest.approx(np.array(expected), abs=1e-10)
 
 
+def test_the_maps_of_a_centred_one_have_the_robot_in_their_middle(
+    random_network: Callable, views: torch.Tensor
+) -> None:
+    extractor = random_network(channels=(3, 4, 5), cnn="centred").double().extractor
+    expected = []
+    for view in views.tolist():
+        x = sigma(convolved(view, extractor.stem, 2, padded=False))
+        shapes = [shape(x)]
+        for block, stride in zip(extractor.blocks[:2], (2, 1), strict=True):
+            inner = convolved(sigma(convolved(x, block.first, stride)), block.second)
+            x = sigma(plus(inner, convolved(x, block.skip, stride)))
+            shapes.append(shape(x))
+        last = extractor.blocks[2]
+        inner = convolved(sigma(convolved(x, last.first, padded=False)), last.second)
+        x = sigma(plus(inner, convolved(x, last.skip, padded=False)))
+        assert [*shapes, shape(x)] == [(3, 5, 5), (3, 3, 3), (4, 3, 3), (5, 1, 1)]
+        expected.append(features(x, extractor.linear))
+    assert extractor(views).detach().numpy() == pytest.approx(np.array(expected), abs=1e-10)
+
+
+@pytest.mark.parametrize("layout", [torch.contiguous_format, torch.channels_last])
+def test_a_convolution_over_the_whole_map_is_torchs_backwards_too(
+    random_network: Callable, layout: torch.memory_format
+) -> None:
+    layer = random_network(channels=(4, 6, 10), cnn="centred").double().extractor.blocks[2].first
+    layer = layer.to(memory_format=layout)
+    generator = torch.Generator().manual_seed(3)
+    x = torch.rand(5, 6, 3, 3, generator=generator).double().contiguous(memory_format=layout).requires_grad_()
+    expected, actual = layer.norm(layer.conv(x)), layer(x)
+    assert torch.allclose(actual, expected, atol=1e-12)
+    towards = torch.randn(expected.shape, generator=generator).double()
+    inputs = (x, *layer.parameters())
+    for ours, theirs in zip(
+        torch.autograd.grad(actual, inputs, towards), torch.autograd.grad(expected, inputs, towards), strict=True
+    ):
+        assert torch.allclose(ours, theirs, atol=1e-10)
+        assert ours.any()
+
+
 def test_that_of_gnn_baseline_stacks_convolutions_and_pools_after_every_other(
     random_network: Callable, fields_of_view: torch.Tensor
 ) -> None:
@@ -132,9 +171,13 @@ def test_a_skip_is_a_strided_convolution_backwards_too(random_network: Callable,
         assert ours.any()
 
 
-@pytest.mark.parametrize("name", ["MAGAT-F-16", "GNN_baseline-F-16"])
-def test_each_convolution_is_normalised_and_belongs_to_one_of_the_sums(random_network: Callable, name: str) -> None:
-    extractor = random_network(name).extractor
+@pytest.mark.parametrize(
+    ("name", "cnn"), [("MAGAT-F-16", "padded"), ("MAGAT-F-16", "centred"), ("GNN_baseline-F-16", "padded")]
+)
+def test_each_convolution_is_normalised_and_belongs_to_one_of_the_sums(
+    random_network: Callable, name: str, cnn: str
+) -> None:
+    extractor = random_network(name, cnn=cnn).extractor
     convolutions = [module for module in extractor.modules() if isinstance(module, torch.nn.Conv2d)]
     assert len(convolutions) == (5 if "baseline" in name else 10)
     in_sums = [layer.conv for added in extractor.sums() for layer in added.convs]

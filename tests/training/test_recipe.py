@@ -1,5 +1,6 @@
 """Recipes: the names and files that training starts from."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -25,7 +26,7 @@ def test_a_file_gives_back_what_was_written(tmp_path: Path) -> None:
 
 def test_what_a_recipe_leaves_out_is_the_default() -> None:
     assert recipe({"policy": "GAT-F-32", "steps": 9}) == TrainConfig(
-        policy=PolicyConfig("GAT-F-32", temperature=TrainConfig().policy.temperature), steps=9
+        policy=replace(TrainConfig().policy, name="GAT-F-32"), steps=9
     )
     assert recipe({"policy": {"taps": 3}}).policy.name == "MAGAT-F-128"
 

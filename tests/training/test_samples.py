@@ -42,6 +42,17 @@ def everything(solved: list[SolvedCase]) -> Instants:
     return Instants.of_paths([s.paths for s in solved], range(len(solved)))
 
 
+def drawn(solved: list[SolvedCase], seed: int, *shares: tuple[Instants, int]) -> Batch:
+    """A batch with so many instants of each share."""
+    sampler = Sampler(solved)
+    return sampler.batch(np.random.default_rng(seed), [(sampler.pool(instants), count) for instants, count in shares])
+
+
+def underway(solved: SolvedCase) -> np.ndarray:
+    """How many robots are not on their goals, instant by instant."""
+    return np.array([(cells != solved.case.goals).any(axis=1).sum() for cells in solved.paths])
+
+
 def attitudes(view: np.ndarray) -> list[bytes]:
     """What is seen, in each of the eight attitudes."""
     return [np.ascontiguousarray(symmetry.turn_arrays(view, turn)).tobytes() for turn in range(8)]
@@ -101,7 +112,7 @@ def test_a_sample_is_an_instant_of_the_experts_way_turned_by_a_symmetry(solved: 
         for view, heard, action in walked(s):
             for turn, key in enumerate(attitudes(view)):
                 known[key] = (heard, symmetry.PRIMITIVES[turn, action].tolist())
-    batch = Sampler(solved).batch(np.random.default_rng(0), [(everything(solved), 600)])
+    batch = drawn(solved, 0, (everything(solved), 600))
     assert batch.view.shape == (600 * ROBOTS, 3, 11, 11)
     assert (batch.view.dtype, batch.action.dtype) == (np.uint8, np.int64)
     unknown = 0
@@ -116,7 +127,7 @@ def test_a_sample_is_an_instant_of_the_experts_way_turned_by_a_symmetry(solved: 
             assert batch.view[rows, 2, 5, 5].all()
             assert not batch.action[rows].any()
             unknown += 1
-    expected = 600 * len(solved) / sum(len(s.paths) for s in solved)
+    expected = 600 * len(solved) / sum((underway(s) + 1).sum() for s in solved)
     assert abs(unknown - expected) < 5 * np.sqrt(expected)
 
 
@@ -133,7 +144,7 @@ def test_a_sample_off_the_experts_way_is_what_the_simulator_shows_there(solved: 
             place[None].astype(np.int16),
             simulator.position[None].astype(np.int16),
         )
-        batch = Sampler(solved).batch(rng, [(instant, 60)])
+        batch = drawn(solved, index, (instant, 60))
         keys = attitudes(shown.field_of_view)
         assert set(seen(batch)) == set(keys)
         for i, key in enumerate(seen(batch)):
@@ -142,7 +153,7 @@ def test_a_sample_off_the_experts_way_is_what_the_simulator_shows_there(solved: 
             assert neighbour_lists(batch.heard[rows], rows.start) == neighbour_lists(shown.heard, 0)
 
 
-def test_every_instant_and_every_symmetry_comes_equally_often() -> None:
+def test_instants_come_by_their_robots_underway_and_every_symmetry_equally_often() -> None:
     (solved,) = solved_cases([2], workers=1, width=9, height=9, robots=ROBOTS, density=0.15)
     places = {
         key: (instant, turn)
@@ -153,14 +164,16 @@ def test_every_instant_and_every_symmetry_comes_equally_often() -> None:
     assert len(places) == 8 * (instants - 1)
     both = everything([solved])
     # Two shares of the same: neither has attitudes or instants of its own.
-    keys = seen(Sampler([solved]).batch(np.random.default_rng(1), [(both, 2500), (both, 1500)]))
+    keys = seen(drawn([solved], 1, (both, 2500), (both, 1500)))
+    shares = (underway(solved) + 1) / (underway(solved) + 1).sum()
+    assert shares.max() > 2 * shares.min()
     for part in (keys, keys[:2500], keys[2500:]):
         counts = np.zeros((instants, 8))
         for key in part:
             if key in places:
                 counts[places[key]] += 1
-        expected = len(part) / (8 * instants)
-        assert np.abs(counts[:-1] - expected).max() < 5 * np.sqrt(expected)
+        expected = len(part) * shares[:-1, None] / 8
+        assert (np.abs(counts[:-1] - expected) < 5 * np.sqrt(expected)).all()
 
 
 def test_every_instant_of_a_long_share_comes_beside_a_short_one(solved: list[SolvedCase]) -> None:
@@ -168,7 +181,7 @@ def test_every_instant_of_a_long_share_comes_beside_a_short_one(solved: list[Sol
     short = Instants.of_paths([solved[6].paths[:1]], [6])
     way = [set(attitudes(view)) for view, _, _ in walked(solved[1])]
     for shares in ([(long, 300), (short, 20)], [(short, 20), (long, 300)]):
-        keys = set(seen(Sampler(solved).batch(np.random.default_rng(3), shares)))
+        keys = set(seen(drawn(solved, 3, *shares)))
         assert all(keys & instant for instant in way)
 
 
@@ -179,7 +192,7 @@ def test_a_batch_has_as_many_instants_of_each_share_as_it_was_told(
     shares = [Instants.of_paths([solved[i].paths[:-1]], [i]) for i in (1, 6)]
     ways = [{key for view, _, _ in walked(solved[i]) for key in attitudes(view)} for i in (1, 6)]
     assert not ways[0] & ways[1]
-    batch = Sampler(solved).batch(np.random.default_rng(2), list(zip(shares, counts, strict=True)))
+    batch = drawn(solved, 2, *zip(shares, counts, strict=True))
     keys = seen(batch)
     assert len(keys) == sum(counts)
     assert len(batch.action) == len(batch.heard) == len(batch.view) == ROBOTS * sum(counts)
@@ -188,23 +201,23 @@ def test_a_batch_has_as_many_instants_of_each_share_as_it_was_told(
 
 
 def test_batches_depend_on_the_generator_and_on_nothing_else(solved: list[SolvedCase]) -> None:
-    def drawn(sampler: Sampler, seed: int) -> list[bytes]:
-        batch = sampler.batch(np.random.default_rng(seed), [(instants, 10), (part, 6)])
+    def made(sampler: Sampler, seed: int) -> list[bytes]:
+        batch = sampler.batch(np.random.default_rng(seed), [(sampler.pool(instants), 10), (sampler.pool(part), 6)])
         return [array.tobytes() for array in (batch.view, batch.heard, batch.action)]
 
     instants, part = everything(solved), Instants.of_paths([solved[3].paths], [3])
     before = contents(instants), contents(part)
     sampler = Sampler(solved)
-    first = drawn(sampler, 3)
-    assert drawn(sampler, 4)[0] != first[0]
+    first = made(sampler, 3)
+    assert made(sampler, 4)[0] != first[0]
     np.random.seed(99)  # noqa: NPY002  # what somebody else may do in the same process
-    assert drawn(sampler, 3) == drawn(Sampler(solved), 3) == first
+    assert made(sampler, 3) == made(Sampler(solved), 3) == first
     assert (contents(instants), contents(part)) == before
 
 
 def test_robots_hear_nobody_of_another_instant(solved: list[SolvedCase]) -> None:
     shares = [(everything(solved), 30), (Instants.of_paths([solved[3].paths], [3]), 34)]
-    heard = Sampler(solved).batch(np.random.default_rng(0), shares).heard
+    heard = drawn(solved, 0, *shares).heard
     row, place = np.nonzero(heard >= 0)
     assert len(row) > 64
     assert (heard[row, place] // ROBOTS == row // ROBOTS).all()

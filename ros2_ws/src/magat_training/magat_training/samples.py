@@ -50,6 +50,26 @@ class Instants:
 
 
 @dataclass(frozen=True)
+class Pool:
+    """S instants to draw from. An instant's probability is proportional to its robots underway, plus one.
+
+    Nearly half of all robots rest on their goals, and there is nothing to learn from them.
+    """
+
+    instants: Instants
+    #: ``[S]`` cumulative weights of the instants.
+    sums: npt.NDArray[np.int64]
+
+    def __len__(self) -> int:
+        """S."""
+        return len(self.instants)
+
+    def draw(self, rng: np.random.Generator, count: int) -> Instants:
+        """Draw ``count`` instants with replacement."""
+        return self.instants.take(np.searchsorted(self.sums, rng.integers(self.sums[-1], size=count), side="right"))
+
+
+@dataclass(frozen=True)
 class Batch:
     """B instants of N robots each, R = B * N rows."""
 
@@ -78,9 +98,14 @@ class Sampler:
         self._obstacles = pad(np.stack([s.case.obstacles for s in solved]), 1)
         self._goals = np.stack([s.case.goals for s in solved])
 
-    def batch(self, rng: np.random.Generator, shares: Sequence[tuple[Instants, int]]) -> Batch:
-        """Draw ``count`` of each ``(instants, count)`` uniformly with ``rng``, and turn each by a random symmetry."""
-        drawn = Instants.join([instants.take(rng.integers(len(instants), size=count)) for instants, count in shares])
+    def pool(self, instants: Instants) -> Pool:
+        """A pool of ``instants``, of which there is at least one."""
+        underway = (instants.now != self._goals[instants.case]).any(axis=2).sum(axis=1)
+        return Pool(instants, np.cumsum(underway + 1))
+
+    def batch(self, rng: np.random.Generator, shares: Sequence[tuple[Pool, int]]) -> Batch:
+        """Draw ``count`` instants of each ``(pool, count)`` with ``rng``, and turn each by a random symmetry."""
+        drawn = Instants.join([pool.draw(rng, count) for pool, count in shares])
         turns = rng.integers(len(symmetry.SYMMETRIES), size=len(drawn))
         size, robots = drawn.now.shape[:2]
         world = np.repeat(np.arange(size), robots)

@@ -25,7 +25,7 @@ from magat_robot.policy.network import PolicyNetwork
 from magat_robot.policy.policy import Policy
 from magat_sim.measures import summarise
 from magat_training.online import CORRECTIONS
-from magat_training.samples import Batch, Instants, Sampler
+from magat_training.samples import Batch, Instants, Pool, Sampler
 from magat_training.workers import ALONE, Workers
 
 
@@ -37,7 +37,7 @@ class TrainConfig:
         ValueError: an unknown way to ask the online expert.
     """
 
-    policy: PolicyConfig = field(default_factory=lambda: PolicyConfig(temperature=0.75))
+    policy: PolicyConfig = field(default_factory=lambda: PolicyConfig(cnn="centred", temperature=0.75))
     #: Training cases (numbers from 0) and validation cases.
     train_cases: int = 21_000
     valid_cases: int = 300
@@ -45,7 +45,7 @@ class TrainConfig:
     steps: int = 24_000
     batch: int = 64
     #: Learning rate, cosine from first to last.
-    first_rate: float = 1e-3
+    first_rate: float = 2e-3
     last_rate: float = 1e-6
     #: L2 regularisation.
     weight_decay: float = 1e-5
@@ -58,7 +58,7 @@ class TrainConfig:
     #: the expert corrects them. ``online_share`` of each batch comes from the last ``online_rounds`` of these rounds.
     online_from: int = 1_000
     online_every: int = 400
-    online_cases: int = 500
+    online_cases: int = 300
     online_share: float = 0.75
     online_rounds: int = 8
     seed: int = 0
@@ -107,16 +107,16 @@ class Trainer:
             raise ValueError(
                 f"the online expert needs at least {workers.count} cases, one for each process: raise online_cases"
             )
-        self._expert = Instants.of_paths([s.paths for s in train], range(len(train)))
+        self._expert = self._sampler.pool(Instants.of_paths([s.paths for s in train], range(len(train))))
         #: What the online expert corrected, an entry for each round and process.
         self._corrections: list[Instants] = []
-        self._online: Instants | None = None
+        self._online: Pool | None = None
         self._online_alpha = math.nan
         torch.manual_seed(config.seed)
         self.network = PolicyNetwork(config.policy)
         self._model = workers.wrap(self.network)
         self._optimiser = torch.optim.Adam(
-            self.network.parameters(), config.first_rate, weight_decay=config.weight_decay
+            self.network.parameters(), config.first_rate, weight_decay=config.weight_decay, fused=True
         )
         folder.mkdir(parents=True, exist_ok=True)
         if self._checkpoint.exists():
@@ -202,7 +202,10 @@ class Trainer:
         self._corrections += [one.instants for one in corrections if one.instants is not None]
         if self.config.online == "states":  # older states are of an older policy; failures are few, so all are kept
             self._corrections = self._corrections[-self.config.online_rounds * self._workers.count :]
-        self._online = Instants.join(self._corrections) if self._corrections else None
+        self._pool_corrections()
+
+    def _pool_corrections(self) -> None:
+        self._online = self._sampler.pool(Instants.join(self._corrections)) if self._corrections else None
 
     def _policy(self) -> Policy:
         """The policy in its deployed form, with the current weights, on the processor."""
@@ -281,7 +284,7 @@ class Trainer:
         self._corrections = [
             Instants(**{name: tensor.numpy() for name, tensor in instants.items()}) for instants in state["corrections"]
         ]
-        self._online = Instants.join(self._corrections) if self._corrections else None
+        self._pool_corrections()
         self.network.load_state_dict(state["network"])
         self._optimiser.load_state_dict(state["optimiser"])
 

@@ -38,7 +38,7 @@ class PolicyNetwork(fp.Exactable):
     def __init__(self, config: PolicyConfig) -> None:
         super().__init__()
         self.config = config
-        self.extractor = FeatureExtractor(config.channels, config.layer.plain_cnn)
+        self.extractor = FeatureExtractor(config.channels, config.layer.plain_cnn, config.cnn == "centred")
         self.reduction = nn.Linear(CNN_FEATURES, config.features)
         fused = config.heads * config.features
         widths = [config.features, *[fused] * (config.layers - 1)]

@@ -70,7 +70,9 @@ def test_publishers_and_subscriptions_are_those_of_the_table():
     topics.OBSERVATION.publisher(node, robot="bob", team="/w", robots=3)
     node.create_publisher.assert_called_once_with(Observation, "/w/bob/observation", topics.OBSERVATION.qos())
     topics.FEATURE.subscription(node, callback, robots=3, raw=True)
-    node.create_subscription.assert_called_once_with(Feature, "feature", callback, topics.FEATURE.qos(3), raw=True)
+    node.create_subscription.assert_called_once_with(Feature, "feature", mock.ANY, topics.FEATURE.qos(3), raw=True)
+    node.create_subscription.call_args.args[2](b"data")
+    callback.assert_called_once_with(b"data")
 
 
 @pytest.mark.parametrize("relayed", [False, True])

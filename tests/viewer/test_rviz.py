@@ -26,11 +26,11 @@ from magat_interfaces.msg import RobotStatus, World
 from magat_node import qos
 from magat_node.topics import TF
 from magat_pictures.colours import OKABE_ITO, rgb
+from magat_recording.world_check import fault
 from magat_sim.radio import COMMUNICATION_RADIUS
 from magat_viewer.rviz.diagnostics import TeamDiagnostics
 from magat_viewer.rviz.markers import links, markers, occupancy, transforms
 from magat_viewer.rviz.node import RvizBridge
-from magat_viewer.world_check import fault
 
 MAP = Header(frame_id="map")
 #: Three robots on 12 x 3 cells: two in each other's range, the third alone and on its goal.

@@ -9,6 +9,8 @@ import struct
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
+from magat_node.cdr_layout import is_complete
+
 _LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 #: episode, tick, round, tag, encoding, length of the payload.
 _FEATURE = struct.Struct("<QIB3xQB3xI")
@@ -105,7 +107,10 @@ def _message(data: bytes, kind: str) -> Any:
 
     from magat_interfaces import msg
 
+    message = getattr(msg, kind)
+    if not is_complete(data, message):  # else the C library reports a wrong length on standard error
+        return None
     try:
-        return deserialize_message(data, getattr(msg, kind))
+        return deserialize_message(data, message)
     except Exception:  # its type depends on the middleware
         return None

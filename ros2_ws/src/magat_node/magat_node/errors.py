@@ -10,3 +10,10 @@ class MagatError(Exception):
 
 class TeamError(MagatError, RuntimeError):
     """The team cannot continue; the message says which process failed and what it logged last."""
+
+
+class UnusableMessageError(ValueError):
+    """A message is well-formed, but its contents cannot be used; ``str()`` says why.
+
+    A callback raises it, and the message is dropped, see `magat_node.intake`.
+    """

@@ -11,6 +11,8 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from magat_node.errors import MagatError
+
 #: Longest time in which a node notices a signal, seconds.
 REACTION = 0.2
 #: Niceness of processes that only record or show the team.
@@ -23,11 +25,12 @@ def run_node(name: str, create: Callable[[], Node], args: list[str] | None = Non
 
     Args:
         name: the logger's name if the node cannot be created.
-        create: creates the node. A ValueError is logged as fatal, and ends the process.
+        create: creates the node. A ValueError is logged as fatal, and ends the process. So is a MagatError that a
+            callback raises, or the end of the node.
         args: command-line arguments; those of the process if None.
 
     Returns:
-        The exit status: 0, or 1 if the node could not be created.
+        The exit status: 0, or 1 after a fatal error.
     """
     # rclpy's own handlers shut the context down during a running callback, which then fails. These only set a flag.
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -41,11 +44,20 @@ def run_node(name: str, create: Callable[[], Node], args: list[str] | None = Non
             return 1
         executor = EventsExecutor()
         executor.add_node(node)
-        while not _told_to_end.is_set():
-            executor.spin_once(timeout_sec=REACTION)  # without a timeout, rclpy 7.1.6 calls nothing
+        log, status = node.get_logger(), 0
+        try:
+            while not _told_to_end.is_set():
+                executor.spin_once(timeout_sec=REACTION)  # without a timeout, rclpy 7.1.6 calls nothing
+        except MagatError as error:
+            log.fatal(str(error))
+            status = 1
         executor.remove_node(node)
-        node.destroy_node()
-        return 0
+        try:
+            node.destroy_node()
+        except MagatError as error:
+            log.fatal(str(error))
+            status = 1
+        return status
     finally:
         rclpy.try_shutdown()
 

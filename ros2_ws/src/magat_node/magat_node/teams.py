@@ -54,7 +54,8 @@ def _teams(node: Node) -> list[RunningTeam]:
         for topic, (kind, *_) in node.get_publisher_names_and_types_by_node(name, namespace):
             published.setdefault(kind, []).append(topic)
         # The simulator creates the publisher of World after those of observations and bundles.
-        if _kind(World) in published:
+        # A stranger may call itself simulator, and publish only one of them.
+        if _kind(World) in published and _kind(Observation) in published:
             start, end = len(namespace.rstrip("/")) + 1, -len("/observation")
             robots = sorted(topic[start:end] for topic in published[_kind(Observation)])
             found.append(RunningTeam(namespace, robots, "relayed" if _kind(FeatureBundle) in published else "direct"))

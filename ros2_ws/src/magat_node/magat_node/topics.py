@@ -17,6 +17,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
+from magat_node.intake import Intake, PolledSubscription
 from magat_node.qos import latched, newest, reliable
 
 #: Stands for the robot's name in the name of a topic.
@@ -87,11 +88,32 @@ class Topic:
         robots: int = 0,
         depth: int | None = None,
         raw: bool = False,
+        on_drop: Callable[[str], object] | None = None,
     ) -> Subscription:
-        """Create a subscription; see `name` and `qos`. If ``raw``, the callback gets serialised messages."""
+        """Create a subscription whose messages come through an `Intake`; see `name` and `qos`.
+
+        Args:
+            node: that subscribes.
+            callback: gets the messages. It refuses one that it cannot use by an `UnusableMessageError`.
+            robot: see `name`.
+            team: see `name`.
+            robots: see `qos`.
+            depth: see `qos`.
+            raw: the callback gets serialised messages, and refuses those that are malformed.
+            on_drop: called with the reason for each message that is dropped.
+        """
+        name = self.name(robot, team)
+        intake = Intake(node, self.message, name, on_drop)
+        take = intake.hand_over if raw else intake.deliver
         return node.create_subscription(
-            self.message, self.name(robot, team), callback, self.qos(robots, depth), raw=raw
+            self.message, name, lambda data: take(data, callback), self.qos(robots, depth), raw=True
         )
+
+    def polled(self, node: Node, robot: str = "", depth: int | None = None) -> PolledSubscription:
+        """Create a subscription for a ``node`` that no executor spins; see `name` and `qos`."""
+        name = self.name(robot)
+        subscription = node.create_subscription(self.message, name, lambda _: None, self.qos(depth=depth), raw=True)
+        return PolledSubscription(subscription, Intake(node, self.message, name))
 
 
 def _magat(name: str) -> str:

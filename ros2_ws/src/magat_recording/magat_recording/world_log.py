@@ -5,9 +5,16 @@ from typing import Any
 
 import numpy as np
 
+from magat_node.errors import UnusableMessageError
+from magat_recording.world_check import fault
 from magat_sim.grid import BoolArray, IntArray
 from magat_sim.measures import EpisodeMeasures, Flowtime, walk_measures
 from magat_sim.shield import blocked
+
+#: What is the same in all World messages of an episode.
+_SAME = ("robots", "width", "height", "goal_x", "goal_y", "t_max")
+#: Episodes that are kept at most. A team runs one at a time; others are those of strangers.
+_MOST_EPISODES = 64
 
 
 @dataclass
@@ -17,6 +24,21 @@ class WorldLog:
     episode: int = 0
     #: World messages by tick, 0 to T; see `complete`.
     worlds: dict[int, Any] = field(default_factory=dict)
+
+    def add(self, world: Any) -> None:
+        """Take a World message of the episode; of two of one tick the first one counts.
+
+        Raises:
+            UnusableMessageError: it cannot be used, or is of other robots, goals or another map than those before.
+        """
+        wrong = fault(world)
+        if wrong is None and self.worlds:
+            first = next(iter(self.worlds.values()))
+            if any(getattr(world, name) != getattr(first, name) for name in _SAME) or world.tick > first.t_max:
+                wrong = f"robots, goals or map are not those of its episode (tick {world.tick})"
+        if wrong is not None:
+            raise UnusableMessageError(f"a world in which {wrong}")
+        self.worlds.setdefault(world.tick, world)
 
     @property
     def complete(self) -> bool:
@@ -85,3 +107,36 @@ class WorldLog:
         best = Flowtime(last.expert_flowtime, last.expert_flowtime_strict) if last.expert_flowtime >= 0 else None
         on_goal = (self.positions == self.goals).all(axis=2)
         return walk_measures(on_goal, last.t_max, int(self.blocked.sum()), best)
+
+
+class WorldLogs:
+    """World messages by episode, for a client that learns the id of its episode only at the end."""
+
+    def __init__(self) -> None:
+        """Start empty."""
+        self._logs: dict[int, WorldLog] = {}
+
+    def add(self, world: Any) -> None:
+        """Take a World message. Only an episode whose tick 0 was seen is kept.
+
+        Raises:
+            UnusableMessageError: see `WorldLog.add`.
+        """
+        log = self._logs.get(world.episode)
+        if log is None:
+            if world.tick > 0:
+                return
+            log = WorldLog(world.episode)
+        log.add(world)
+        self._logs.pop(world.episode, None)
+        self._logs[world.episode] = log  # the last one to be forgotten
+        if len(self._logs) > _MOST_EPISODES:
+            del self._logs[next(iter(self._logs))]
+
+    def of(self, episode: int) -> WorldLog:
+        """The messages of ``episode`` so far."""
+        return self._logs.get(episode, WorldLog(episode))
+
+    def clear(self) -> None:
+        """Forget all."""
+        self._logs.clear()

@@ -1,4 +1,4 @@
 """Shows a team, live or recorded: on a web page in the browser, and in RViz and Foxglove (`magat_viewer.rviz`).
 
-The page's modules are free of ROS, except `node`, `serve`, `main`, `replay` and `world_check`.
+The page's modules are free of ROS, except `node`, `serve`, `main` and `replay`.
 """

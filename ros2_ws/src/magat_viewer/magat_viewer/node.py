@@ -6,26 +6,24 @@ from collections import deque
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message
-from rclpy.subscription import Subscription
 
 from magat_interfaces.msg import Observation, Preference, RobotStatus, World
 from magat_node import cdr
+from magat_node.errors import UnusableMessageError
+from magat_node.intake import Intake, PolledSubscription
 from magat_node.topics import FEATURE, HEARD, OBSERVATION, PREFERENCE, ROBOT_STATUS, WORLD, Topic
+from magat_recording.world_check import fault, status_fault
+from magat_robot.policy.backends import load_computed
+from magat_robot.policy.computed import ComputedPolicy
 from magat_robot.policy.config import OBSERVATION_SHAPE, ModelError
 from magat_viewer.detail import RobotDetail, RobotTick, TeamSnapshot, TickOutcome, robot_detail
 from magat_viewer.health import HealthReport, TeamHealth
 from magat_viewer.watched_episode import EpisodeResult, Scene, WatchedEpisode
-from magat_viewer.world_check import fault
-
-if TYPE_CHECKING:
-    from magat_robot.policy.policy import Policy
 
 #: Why a policy is not known yet; both last a moment.
 _NO_STATUS, _LOADING = "no robot has reported its policy yet", "the policy is being loaded"
@@ -44,9 +42,9 @@ class _ChosenRobot:
     """The topics of a robot that browsers look at."""
 
     #: Of its observations and, if the radio is relayed and they are needed, its bundles.
-    subscriptions: list[Subscription]
-    #: The newest messages, serialised.
-    observations: deque[bytes] = field(default_factory=lambda: deque(maxlen=_TICKS))
+    subscriptions: list[PolledSubscription]
+    #: The newest messages; bundles are serialised.
+    observations: deque[Observation] = field(default_factory=lambda: deque(maxlen=_TICKS))
     bundles: deque[bytes] = field(default_factory=lambda: deque(maxlen=_TICKS))
 
 
@@ -78,21 +76,22 @@ class LiveTeam:
         self._world = self._subscribe(WORLD, _DEPTH)
         self._status = self._subscribe(ROBOT_STATUS, _SHARED_DEPTH)
         #: Preferences and, if the radio is direct, features; empty while they are not needed.
-        self._shared: list[Subscription] = []
+        self._shared: list[PolledSubscription] = []
         #: Whether features and preferences are needed to know what the chosen robots received.
         self._needs_messages = False
         self._chosen: dict[str, _ChosenRobot] = {}
         self._preferences: deque[bytes] = deque()
+        self._preference_intake = Intake(self.node, Preference, PREFERENCE.name())
         self._features: deque[bytes] = deque()
         self._worlds: deque[World] = deque(maxlen=_TICKS)
         self._frames: deque[tuple[int, bytes]] = deque(maxlen=_FRAMES)
         self._episode: WatchedEpisode | None = None
         self._results: list[EpisodeResult] = []
         self._health = TeamHealth()
-        self._policies: dict[str, Policy | str] = {}
+        self._policies: dict[str, ComputedPolicy | str] = {}
 
-    def _subscribe(self, topic: Topic, depth: int, robot: str = "") -> Subscription:
-        return topic.subscription(self.node, lambda _: None, robot=robot, depth=depth)
+    def _subscribe(self, topic: Topic, depth: int, robot: str = "") -> PolledSubscription:
+        return topic.polled(self.node, robot, depth)
 
     def destroy(self) -> None:
         """End all subscriptions."""
@@ -104,20 +103,18 @@ class LiveTeam:
         """Take the messages that have arrived."""
         now = time.monotonic()
         # Worlds first: the messages that led to a world have arrived before it.
-        for world in _take(self._world, World):
-            self._add_world(world)
-        for status in _take(self._status, RobotStatus):
-            self._health.add_status(status, now)
+        self._world.take(self._add_world)
+        self._status.take(lambda status: self._add_status(status, now))
         if self._episode is not None:
             robots = self._episode.robots
             self._update_subscriptions(robots, {robots[number] for number in chosen if number < len(robots)})
         for subscription, kept in zip(self._shared, (self._preferences, self._features), strict=False):
-            kept.extend(_take_serialised(subscription))
+            kept.extend(subscription.take_serialized())
         for robot in self._chosen.values():
             observations, *bundles = robot.subscriptions
-            robot.observations.extend(_take_serialised(observations))
+            observations.take(robot.observations.append)
             for subscription in bundles:
-                robot.bundles.extend(_take_serialised(subscription))
+                robot.bundles.extend(subscription.take_serialized())
 
     @property
     def newest(self) -> int:
@@ -149,8 +146,7 @@ class LiveTeam:
         if watched is None or robot >= len(watched.robots) or (name := watched.robots[robot]) not in self._chosen:
             return None
         worlds = {world.tick: world for world in self._worlds}
-        for data in reversed(self._chosen[name].observations):
-            observation = deserialize_message(data, Observation)
+        for observation in reversed(self._chosen[name].observations):
             at = observation.tick
             if observation.episode != watched.id or not {at, at + 1} <= worlds.keys() or not _valid(observation):
                 continue
@@ -166,9 +162,16 @@ class LiveTeam:
 
     # --- Topics ---
 
+    def _add_status(self, status: RobotStatus, now: float) -> None:
+        wrong = status_fault(status)
+        if wrong is not None:
+            raise UnusableMessageError(f"a status in which {wrong}")
+        self._health.add_status(status, now)
+
     def _add_world(self, world: World) -> None:
-        if fault(world) is not None:
-            return
+        wrong = fault(world)
+        if wrong is not None:
+            raise UnusableMessageError(f"a world in which {wrong}")
         if self._episode is None or not self._episode.holds(world):
             # Without a map, messages were needed. The new episode has one.
             self._needs_messages &= self._episode is not None and self._episode.obstacles is not None
@@ -207,9 +210,9 @@ class LiveTeam:
             self._unsubscribe([*self._shared, *bundles])
             self._shared = []
 
-    def _unsubscribe(self, subscriptions: list[Subscription]) -> None:
-        for subscription in subscriptions:
-            self.node.destroy_subscription(subscription)
+    def _unsubscribe(self, subscriptions: list[PolledSubscription]) -> None:
+        for polled in subscriptions:
+            self.node.destroy_subscription(polled.subscription)
 
     def _robot_tick(self, name: str, observation: Observation, outcome: TickOutcome) -> RobotTick:
         """The messages to and from a chosen robot in the first round of a tick, as far as they are known."""
@@ -241,8 +244,8 @@ class LiveTeam:
         tag = observation.own_tag.to_bytes(8, "little")
         for data in self._preferences:
             if tag in data:
-                found = deserialize_message(data, Preference)
-                if (found.episode, found.tick, found.tag) == (
+                found = self._preference_intake.read(data)
+                if found is not None and (found.episode, found.tick, found.tag) == (
                     observation.episode,
                     observation.tick,
                     observation.own_tag,
@@ -252,29 +255,24 @@ class LiveTeam:
 
     # --- Policies ---
 
-    def _policy(self, robot: str) -> "Policy | str":
+    def _policy(self, robot: str) -> ComputedPolicy | str:
         """The policy of ``robot``, or the reason why it is not known (yet)."""
         status = self._health.status_of(robot)
         if status is None:
             return _NO_STATUS
         if status.digest not in self._policies:
             self._policies[status.digest] = _LOADING
-            # Loading takes seconds, most of them for the import of torch. The page goes on meanwhile.
+            # Loading takes a while, seconds where torch has to be imported. The page goes on meanwhile.
             threading.Thread(target=self._load, args=(status,), daemon=True).start()
         return self._policies[status.digest]
 
     def _load(self, status: RobotStatus) -> None:
-        import torch
-
-        from magat_robot.policy.store import load
-
-        torch.set_num_threads(1)  # one robot's network is small: more threads would only wait for each other
         folder = self._find_policy(status.digest)
         try:
             self._policies[status.digest] = (
                 f"there is no policy {status.policy} ({status.digest[:12]}) in the folders of models"
                 if folder is None
-                else load(folder)
+                else load_computed(folder)
             )
         except ModelError as error:
             self._policies[status.digest] = str(error)
@@ -284,17 +282,3 @@ def _valid(observation: Observation) -> bool:
     """Whether it is a robot's observation in a tick: neither a hello nor damaged."""
     view = np.frombuffer(observation.field_of_view, dtype=np.uint8)
     return observation.tick != Observation.HELLO and view.size == np.prod(OBSERVATION_SHAPE) and bool((view <= 1).all())
-
-
-def _take(subscription: Subscription, kind: type) -> list[Any]:
-    """The messages that have arrived."""
-    return [deserialize_message(data, kind) for data in _take_serialised(subscription)]
-
-
-def _take_serialised(subscription: Subscription) -> list[bytes]:
-    """The messages that have arrived, serialised."""
-    found, handle = [], subscription.handle
-    with handle:
-        while (taken := handle.take_message(subscription.msg_type, True)) is not None:
-            found.append(taken[0])
-    return found

@@ -30,7 +30,7 @@ def occupancy(world: World, cell: float, header: Header) -> OccupancyGrid:
     grid.info.resolution = float(cell)
     grid.info.width, grid.info.height = world.width, world.height
     # The origin of the map is the corner of cell (0, 0). Both go row by row from y = 0, x to the right, y up.
-    values = np.full(world.width * world.height, UNKNOWN)
+    values = np.full(world.width * world.height, UNKNOWN, dtype=np.int8)
     if len(world.obstacles) > 0:
         values = np.where(np.asarray(world.obstacles) != 0, OCCUPIED, FREE)
     grid.data = array.array("b", values.astype(np.int8).tobytes())

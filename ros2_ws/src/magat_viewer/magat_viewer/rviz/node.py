@@ -11,11 +11,12 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from magat_interfaces.msg import RobotStatus, World
 from magat_node import topics
+from magat_node.errors import UnusableMessageError
 from magat_node.parameters import declare_count, declare_seconds, declare_value
 from magat_node.run import run_node
+from magat_recording.world_check import fault, status_fault
 from magat_viewer.rviz.diagnostics import TeamDiagnostics
 from magat_viewer.rviz.markers import markers, occupancy, transforms
-from magat_viewer.world_check import fault
 
 
 class RvizBridge(Node):
@@ -53,8 +54,7 @@ class RvizBridge(Node):
     def _on_world(self, world: World) -> None:
         wrong = fault(world)
         if wrong is not None:
-            self.get_logger().warning(f"ignored a world in which {wrong}", throttle_duration_sec=5.0)
-            return
+            raise UnusableMessageError(f"a world in which {wrong}")
         begins = self._world is None or self._world.episode != world.episode
         self._world, self._drawn = world, False
         self._health.ticked(world, time.monotonic())
@@ -63,6 +63,9 @@ class RvizBridge(Node):
             self._send_map.publish(occupancy(world, self._cell, self._header()))
 
     def _on_status(self, status: RobotStatus) -> None:
+        wrong = status_fault(status)
+        if wrong is not None:
+            raise UnusableMessageError(f"a status in which {wrong}")
         self._health.reported(status, time.monotonic())
 
     def _on_draw(self) -> None:

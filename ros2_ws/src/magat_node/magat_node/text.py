@@ -1,0 +1,23 @@
+"""Log lines, and texts of others in them; free of ROS."""
+
+import time
+
+#: Most characters of a text that is quoted in a message, such as a name.
+QUOTED = 80
+
+
+def shortened(text: object, most: int = QUOTED) -> str:
+    """``text`` in one line of about ``most`` characters, for log lines and errors.
+
+    Texts that come from the network may be as long as a message, and hold line breaks that look like log lines of
+    others. Characters that cannot be printed are escaped, and of a longer text the begin and the length are given.
+    """
+    whole = str(text)
+    begin = whole[:most]
+    line = begin if begin.isprintable() else begin.encode("unicode_escape").decode("ascii")[:most]
+    return line if len(whole) <= most else f"{line}... ({len(whole)} characters)"
+
+
+def log_line(level: str, logger: str, text: str) -> str:
+    """A log line in ROS's format, of a process that is no node or speaks about another one."""
+    return f"[{level}] [{time.time():.9f}] [{logger}]: {text}"

@@ -1,10 +1,7 @@
 """What `magat run` checks before it starts a process."""
 
-import os
-
 from magat_bringup.run_plan import RunPlan
 from magat_bringup.team import TeamPlan
-from magat_node.errors import MagatError
 from magat_recording.bag import BagError, continuation
 from magat_robot.policy.folder import read_folder
 from magat_sim.case import InvalidCaseError, draw_case
@@ -25,21 +22,13 @@ def check_run(plan: RunPlan, team: TeamPlan) -> None:
         ModelError: the policy's folder is incomplete or damaged.
         BagError: the bag to record to exists.
         TeamFileError: the parameter file does not exist.
-        MagatError: the output folder cannot be written.
     """
     team.commands()
     read_folder(team.policy)
     _check_episodes(plan, len(team.team.robots))
-    if team.record is not None and (bag := continuation(team.record)).exists():
+    bag = plan.bag(plan.output)
+    if bag is not None and (bag := continuation(bag)).exists():
         raise BagError(f"the bag {bag} exists: remove it, or record to another folder")
-    try:
-        plan.output.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise MagatError(
-            f"the output folder {plan.output} cannot be made ({error.strerror}): give another --output"
-        ) from error
-    if not os.access(plan.output, os.W_OK | os.X_OK):
-        raise MagatError(f"the output folder {plan.output} cannot be written: give another --output")
 
 
 def _check_episodes(plan: RunPlan, robots: int) -> None:

@@ -9,11 +9,11 @@ from std_msgs.msg import Empty
 
 from magat_bringup.processes import TeamProcesses
 from magat_interfaces.action import RunEpisode
-from magat_interfaces.msg import World
 from magat_node.errors import TeamError
 from magat_node.topics import RECORDER_READY, WORLD
 from magat_node.visitor import Visitor
-from magat_recording.world_log import WorldLog
+from magat_recording.world_log import WorldLog, WorldLogs
+from magat_sim.episode_states import NO_MAKESPAN
 
 #: How long to wait for the simulator to appear, seconds.
 SIMULATOR_TIMEOUT = 60.0
@@ -33,6 +33,22 @@ class EpisodeOutcome:
     result: RunEpisode.Result
     recording: WorldLog
 
+    @property
+    def recorded(self) -> bool:
+        """Whether all World messages of the episode came."""
+        return self.recording.complete and len(self.recording.worlds) == self.result.ticks + 1
+
+
+class EpisodeError(TeamError):
+    """The simulator could not run an episode."""
+
+    def __init__(self, result: RunEpisode.Result) -> None:
+        """Take the result, whose ``error`` says why."""
+        super().__init__(f"the episode failed: {result.error}")
+        self.result = result
+        #: Whether the reason is its case, so that other episodes can be run.
+        self.of_case = result.error.startswith(NO_MAKESPAN)
+
 
 class EpisodeClient(Visitor):
     """Runs episodes on a team, in a ``with`` statement; Ctrl-C and SIGTERM raise KeyboardInterrupt while it waits."""
@@ -42,8 +58,9 @@ class EpisodeClient(Visitor):
         super().__init__("episode_client", domain=domain)
         self._team = team
         self._action = ActionClient(self.node, RunEpisode, "run_episode")
-        self._recording = WorldLog()
-        WORLD.subscription(self.node, self._on_world, depth=1000)
+        #: The episode's id is in its result only, so the worlds of others that speak in its name are kept apart.
+        self._logs = WorldLogs()
+        WORLD.subscription(self.node, self._logs.add, depth=1000)
 
     def wait_for_simulator(self, timeout: float = SIMULATOR_TIMEOUT) -> None:
         """Wait until episodes can be asked for, at most for ``timeout`` seconds.
@@ -62,33 +79,33 @@ class EpisodeClient(Visitor):
         """
         ready: list[Empty] = []
         RECORDER_READY.subscription(self.node, ready.append)
-        if not self.spin(lambda: bool(ready), RECORDER_TIMEOUT):
+        came = self.spin(lambda: bool(ready) or "recorder" in self._team.given_up, RECORDER_TIMEOUT)
+        if "recorder" in self._team.given_up:
+            raise TeamError(f"the recorder {self._team.given_up['recorder']}: no episode was run")
+        if not came:
             raise TeamError(f"the recorder does not receive from the whole team after {RECORDER_TIMEOUT:g} s")
 
     def run(self, goal: RunEpisode.Goal, on_feedback: Callable[[RunEpisode.Feedback], None]) -> EpisodeOutcome:
         """Run one episode; run it again from the start if the simulator is killed and restarted.
 
         Raises:
-            TeamError: a process ended, the simulator is busy, or it could not run the episode.
+            EpisodeError: the simulator could not run the episode.
+            TeamError: a process ended, or the simulator is busy.
         """
         result = None
         while result is None:
             self.wait_for_simulator()
             result = self._result_of(goal, on_feedback)
         if result.error:
-            raise TeamError(f"the episode failed: {result.error}")
-        if not self.spin(lambda: self._recorded(result), TRAILING):
-            raise TeamError(f"only {len(self._recording.worlds)} of {result.ticks + 1} World messages arrived")
-        return EpisodeOutcome(result, self._recording)
+            raise EpisodeError(result)
+        # Its World messages are only drawn: one that does not come must not cost the result.
+        self.spin(lambda: self._outcome(result).recorded, TRAILING)
+        outcome = self._outcome(result)
+        self._logs.clear()
+        return outcome
 
-    def _recorded(self, result: RunEpisode.Result) -> bool:
-        return self._recording.episode == result.episode and len(self._recording.worlds) > result.ticks
-
-    def _on_world(self, message: World) -> None:
-        if message.tick == 0:
-            self._recording = WorldLog(message.episode)
-        if message.episode == self._recording.episode:
-            self._recording.worlds[message.tick] = message
+    def _outcome(self, result: RunEpisode.Result) -> EpisodeOutcome:
+        return EpisodeOutcome(result, self._logs.of(result.episode))
 
     def _result_of(
         self, goal: RunEpisode.Goal, on_feedback: Callable[[RunEpisode.Feedback], None]

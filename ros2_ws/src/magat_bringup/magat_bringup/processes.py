@@ -13,8 +13,11 @@ from typing import IO, Self
 from magat_bringup.team import ENVIRONMENT, TeamPlan
 from magat_node.errors import TeamError
 from magat_node.parent import end_with_parent
-from magat_robot.forked import RESTARTS
+from magat_node.restarts import RestartLimit
+from magat_node.text import log_line, shortened
 
+#: How often an observer that ends by itself is started again; it may fail for the same reason.
+_TRIES = 2
 #: How long processes may take to end after SIGTERM before they are killed, seconds.
 GRACE = 5.0
 
@@ -49,6 +52,10 @@ class TeamProcesses:
         self._environment.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None)
         self._running: dict[str, subprocess.Popen[bytes]] = {}
         self._starts = dict.fromkeys(self._commands, 0)
+        self._kills = {name: RestartLimit() for name in self._commands}
+        self._exits = {name: RestartLimit(_TRIES) for name in self._commands}
+        #: Observers that are not started again, and why.
+        self.given_up: dict[str, str] = {}
         self._outputs: dict[str, IO[bytes]] = {}
         for name in self._commands:
             self._log(name).write_bytes(b"")
@@ -82,24 +89,44 @@ class TeamProcesses:
         return _children(pid) if name == "robots" else [pid]
 
     def check(self) -> None:
-        """Pass log lines on; restart processes that a signal has killed, if the plan says so.
+        """Pass log lines on; restart processes that have ended, or give them up.
+
+        A process that a signal has killed is restarted if the plan says so, and as often as a `RestartLimit` allows. An
+        observer (`Command.observer`) that ends by itself is restarted a few times; then the team goes on without it.
 
         Raises:
-            TeamError: a process has ended by itself, or was killed too often; the message holds its last lines.
+            TeamError: a process that the team needs has ended by itself, or was killed too often; the message holds its
+                last lines.
         """
         self._pass_on_lines()
-        for name, process in self._running.items():
+        for name, process in list(self._running.items()):
             status = process.poll()
-            if status is None:
-                continue
-            respawn = self._respawn and self._commands[name].again
-            if respawn and status < 0 and self._starts[name] <= RESTARTS:
-                self._on_line(name, f"[WARN] [{time.time():.9f}] [{name}]: killed by signal {-status}, restarted")
-                self._start(name)
-                continue
-            last = self._log(name).read_text(errors="replace").strip().splitlines()[-15:]
-            text = "\n  ".join(last) or "(none)"
-            raise TeamError(f"{name}: the process ended with status {status}. Its last lines:\n  {text}")
+            if status is not None:
+                self._take_end(name, status)
+
+    def _take_end(self, name: str, status: int) -> None:
+        """Restart a process that has ended, or give it up."""
+        command, killed = self._commands[name], status < 0
+        limit = self._kills[name] if killed else self._exits[name]
+        restarts = self._respawn and command.again and (killed or command.observer)
+        how = f"killed by signal {-status}" if killed else f"ended with status {status}"
+        if restarts and limit.allows(time.monotonic()):
+            why = "" if killed else f" ({self._last_lines(name, 1)})"
+            self._on_line(name, log_line("WARN", name, f"{how}, restarted{why}"))
+            self._start(name)
+            return
+        if restarts:
+            how = f"{how}, {limit.spent}"
+        if not command.observer:
+            said = self._last_lines(name, 15)
+            raise TeamError(f"{name}: {how}, not started again. Its last lines:\n  {said}")
+        del self._running[name]
+        self.given_up[name] = f"{how}, not started again ({self._last_lines(name, 1)})"
+        self._on_line(name, log_line("ERROR", name, f"{self.given_up[name]}: the team goes on without it"))
+
+    def _last_lines(self, name: str, count: int) -> str:
+        lines = self._log(name).read_text(errors="replace").strip().splitlines()[-count:]
+        return "\n  ".join(shortened(line, 300) for line in lines) or "it logged nothing"
 
     def _pass_on_lines(self) -> None:
         for name, output in self._outputs.items():

@@ -1,48 +1,72 @@
 """``magat run``: starts a team of processes, runs episodes on it, and shows a table, a picture and an animation."""
 
-import json
 import os
 import shlex
 from dataclasses import replace
+from pathlib import Path
 from time import monotonic
 
-from rich.box import SIMPLE
 from rich.console import Console
 from rich.progress import Progress
-from rich.table import Table
 
 from magat_bringup import log_lines
 from magat_bringup.checks import check_run
-from magat_bringup.client import EpisodeClient, EpisodeOutcome
+from magat_bringup.client import EpisodeClient, EpisodeError, EpisodeOutcome
 from magat_bringup.environment import LOOPBACK, Network, network_for, own_domain
 from magat_bringup.processes import TeamProcesses
+from magat_bringup.results import LEGEND, RunResults
+from magat_bringup.run_folder import ANIMATION, LOGS, PICTURE, begin, run_folder
 from magat_bringup.run_plan import RunPlan
 from magat_bringup.team import TeamPlan
 from magat_interfaces.action import RunEpisode
-from magat_node.plain import plain
+from magat_node.errors import MagatError
 from magat_node.progress import progress_bars
 from magat_pictures.animation import save_animation
 from magat_pictures.drawn_episode import DrawnEpisode
 from magat_pictures.picture import save_picture
-from magat_sim.measures import wilson
 from magat_viewer.address import HOST as PAGE_HOST
 
 
 def run(plan: RunPlan, team: TeamPlan, console: Console) -> list[RunEpisode.Result]:
-    """Run the episodes on the team and show them.
+    """Run the episodes on the team and show them; returns the results of those that were run.
+
+    However the run ends, the results of the episodes that have ended are in its folder, and their table is printed.
 
     Raises:
-        MagatError: see `check_run`; no process was started.
-        TeamError: a process ended, or an episode could not be run.
+        MagatError: see `check_run`; no process was started. Or something is not complete: a case could not be run, or
+            a file could not be written.
+        TeamError: a process ended, or an episode could not be run for a reason that is not its case.
         NetworkError: there is no such interface.
         NoDomainError: the ROS domain is taken.
         KeyboardInterrupt: interrupted; no process is left behind.
     """
     check_run(plan, team)
+    with run_folder(plan.output) as folder:
+        team = replace(team, record=plan.bag(folder))
+        results = RunResults(folder, len(team.team.robots))
+        try:
+            last = _run_team(plan, team, folder, results, console)
+        finally:
+            # Where standard output was closed, as by `| head`, rich writes nothing to it any more.
+            _show(plan, results, Console(stderr=True) if console.quiet else console)
+        if last is not None:
+            _draw(plan, team, last, folder, console)
+        if team.record is not None:
+            console.print(f"The recording is in {team.record}: analyse it by `magat analyze {team.record}`.")
+        not_run = [case for case, result in results.rows if result.error]
+        if not_run:
+            raise MagatError(f"{len(not_run)} of {plan.episodes} episodes were not run: {', '.join(not_run)}")
+        if results.problem:
+            raise MagatError(results.problem)
+    return results.run
+
+
+def _run_team(
+    plan: RunPlan, team: TeamPlan, folder: Path, results: RunResults, console: Console
+) -> EpisodeOutcome | None:
+    """Start the team, run the episodes, and end the team; returns the outcome of the last episode that was run."""
     crews = team.team
-    robots = len(crews.robots)
     processes = "one process each" if crews.crew == 1 else f"in {crews.processes} processes"
-    outcomes: list[EpisodeOutcome] = []
     with own_domain(plan.domain) as domain:
         network = network_for(domain, team.nodes, plan.interface)
         team = replace(team, server=bool(network.server))
@@ -50,7 +74,7 @@ def run(plan: RunPlan, team: TeamPlan, console: Console) -> list[RunEpisode.Resu
         os.environ.update(environment)  # for the client, which is in this process
         place = "on this machine only" if network.address == LOOPBACK else f"open to the network at {network.address}"
         console.print(
-            f"[bold]{robots} robots[/], {processes}, with the policy [bold]{team.policy.name}[/] "
+            f"[bold]{len(crews.robots)} robots[/], {processes}, with the policy [bold]{team.policy.name}[/] "
             f"on {plan.width}x{plan.height} cells, over ROS 2, {place}"
         )
         _invite(team, network, console)
@@ -60,8 +84,9 @@ def run(plan: RunPlan, team: TeamPlan, console: Console) -> list[RunEpisode.Resu
             if text is not None:
                 console.print(text)
 
+        begin(folder, newest=plan.output is None)
         with (
-            TeamProcesses(team, plan.output / "logs", environment, show) as running,
+            TeamProcesses(team, folder / LOGS, environment, show) as running,
             EpisodeClient(running, domain) as client,
             progress_bars(console) as progress,
         ):
@@ -69,17 +94,7 @@ def run(plan: RunPlan, team: TeamPlan, console: Console) -> list[RunEpisode.Resu
                 task = progress.add_task("the recorder joins the team", total=None)
                 client.wait_for_recorder()
                 progress.remove_task(task)
-            _run_episodes(plan, team, client, progress, outcomes)
-    results = [outcome.result for outcome in outcomes]
-    console.print(_table(plan, robots, results))
-    console.print(
-        "[dim]B/tick: bytes of the feature message that a robot sends in a tick; blocked: moves that the "
-        "shield did not allow; missing: features that did not arrive in time[/]"
-    )
-    _write(plan, team, outcomes, console)
-    if team.record is not None:
-        console.print(f"The recording is in {team.record}: analyse it by `magat analyze {team.record}`.")
-    return results
+            return _run_episodes(plan, team, client, progress, results)
 
 
 def _invite(team: TeamPlan, network: Network, console: Console) -> None:
@@ -98,12 +113,13 @@ def _invite(team: TeamPlan, network: Network, console: Console) -> None:
 
 
 def _run_episodes(
-    plan: RunPlan, team: TeamPlan, client: EpisodeClient, progress: Progress, outcomes: list[EpisodeOutcome]
-) -> None:
+    plan: RunPlan, team: TeamPlan, client: EpisodeClient, progress: Progress, results: RunResults
+) -> EpisodeOutcome | None:
     started, robots = monotonic(), len(team.team.robots)
     joining = progress.add_task("robots found each other", total=robots)
     running = progress.add_task("episode", total=None, visible=False)
     client.wait_for_simulator(team.patience)
+    last = None
 
     def show(feedback: RunEpisode.Feedback) -> None:
         if feedback.t_max == 0:
@@ -113,78 +129,57 @@ def _run_episodes(
             progress.update(joining, completed=robots, description=f"team ready after {monotonic() - started:.1f} s")
         progress.update(
             running,
-            description=f"episode {len(outcomes) + 1} of {plan.episodes}, {feedback.arrived} robots arrived",
+            description=f"episode {len(results.rows) + 1} of {plan.episodes}, {feedback.arrived} robots arrived",
             completed=feedback.tick,
             total=feedback.t_max,
             visible=True,
         )
 
-    for index in range(plan.episodes):
-        outcomes.append(client.run(plan.goal(index), show))
-        result = outcomes[-1].result
+    for index, name in enumerate(plan.names):
+        try:
+            last = client.run(plan.goal(index), show)
+        except EpisodeError as error:
+            results.add(name, error.result)
+            if not error.of_case:  # the next episode would fail alike
+                raise
+            progress.console.print(
+                f"episode {index + 1}: [bold red]not run[/], {plan.case(index)}: {error}", highlight=False
+            )
+            continue
+        result = last.result
+        results.add(name, result)
         progress.console.print(
             f"episode {index + 1}: {'complete' if result.success else 'not complete'} after {result.makespan} of "
             f"{result.t_max} ticks, {result.ticks_per_second:.0f} ticks/s"
         )
     progress.update(running, visible=False)
+    return last
 
 
-def _table(plan: RunPlan, robots: int, results: list[RunEpisode.Result]) -> Table:
-    count, complete = len(results), sum(result.success for result in results)
-    low, high = wilson(complete, count)
-    table = Table(
-        title=plan.title,
-        caption=f"alpha {complete / count:.2f} (95 % interval {low:.2f} to {high:.2f}, {count} cases)",
-        title_justify="left",
-        caption_justify="left",
-        box=SIMPLE,
-        padding=0,  # nine columns fit into a terminal of 80
-    )
-    for heading in ("case", "complete", "delta_FT", "ticks", "T_max", "ticks/s", "B/tick", "blocked", "missing"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for name, result in zip(plan.names, results, strict=True):
-        table.add_row(
-            name,
-            "yes" if result.success else f"{round(result.p_rg * robots)} of {robots}",
-            f"{result.delta_ft:.1%}",
-            str(result.ticks),
-            str(result.t_max),
-            f"{result.ticks_per_second:.0f}",
-            f"{result.bytes_per_tick:.0f}",
-            str(result.moves_blocked),
-            str(result.features_missing),
+def _show(plan: RunPlan, results: RunResults, console: Console) -> None:
+    """Print the table of what was done, and finish its file."""
+    if results.rows:
+        results.finish()
+        console.print(results.table(plan.title))
+        console.print(f"[dim]{LEGEND}[/]")
+
+
+def _draw(plan: RunPlan, team: TeamPlan, outcome: EpisodeOutcome, folder: Path, console: Console) -> None:
+    """Draw the last episode."""
+    log = outcome.recording
+    if not outcome.recorded:
+        console.print(
+            f"There is no picture: {len(log.worlds)} of {outcome.result.ticks + 1} messages of the last episode came"
         )
-    ticks = sum(result.ticks for result in results)
-    seconds = sum(result.ticks / result.ticks_per_second for result in results if result.ticks)
-    table.add_section()
-    table.add_row(
-        "all",
-        f"{complete} of {count}",
-        f"{sum(result.delta_ft for result in results) / count:.1%}",
-        str(ticks),
-        str(sum(result.t_max for result in results)),
-        f"{ticks / seconds:.0f}" if seconds else "",
-        f"{sum(result.bytes_per_tick for result in results) / count:.0f}",
-        str(sum(result.moves_blocked for result in results)),
-        str(sum(result.features_missing for result in results)),
-        style="bold",
-    )
-    return table
-
-
-def _write(plan: RunPlan, team: TeamPlan, outcomes: list[EpisodeOutcome], console: Console) -> None:
-    fields = RunEpisode.Result.get_fields_and_field_types()
-    results = [{name: getattr(outcome.result, name) for name in fields} for outcome in outcomes]
-    (plan.output / "results.json").write_text(json.dumps(plain(results), indent=1, allow_nan=False) + "\n")
-    last = outcomes[-1].recording
+        return
     record = DrawnEpisode(
-        obstacles=last.obstacles,
-        goals=last.goals,
-        positions=last.positions,
-        blocked=last.blocked,
+        obstacles=log.obstacles,
+        goals=log.goals,
+        positions=log.positions,
+        blocked=log.blocked,
         title=f"{team.policy.name}, {plan.width}x{plan.height}, {len(team.team.robots)} robots",
     )
-    picture, animation = plan.output / "episode.png", plan.output / "episode.gif"
+    picture, animation = folder / PICTURE, folder / ANIMATION
     save_picture(record, picture)
     save_animation(record, animation)
     console.print(f"The last episode: {picture} and {animation}; results and logs are beside them.")

@@ -22,8 +22,8 @@ class RunPlan:
     #: Episodes are the cases ``first``, ``first + 1``, ... under ``seed``.
     seed: int
     first: int
-    #: Folder for logs, results and pictures.
-    output: Path
+    #: Folder for logs, results and pictures; a new one in runs/ if None.
+    output: Path | None = None
     #: Whether all log lines of the processes are shown, or warnings only.
     verbose: bool = False
     #: The interface that the team is opened to, see `magat_bringup.environment.network_for`.
@@ -34,6 +34,19 @@ class RunPlan:
     scenarios: Scenarios | None = None
     #: The expert's suboptimality bound, from which T_max follows.
     expert_w: float = EXPERT_W
+    #: Where the team is recorded to, see `bag`; nowhere if None.
+    record: Path | None = None
+
+    def bag(self, folder: Path | None) -> Path | None:
+        """The folder of the bag in a run with the folder ``folder``; None if the team is not recorded.
+
+        The path ``.`` stands for ``bag`` in that folder, which is None if it is not known yet.
+        """
+        return folder and folder / "bag" if self.record == Path() else self.record
+
+    def case(self, index: int) -> str:
+        """What episode ``index`` is run on, for messages."""
+        return f"case {self.names[index]}" if self.scenarios is None else str(self.scenarios.files[index])
 
     @property
     def names(self) -> list[str]:

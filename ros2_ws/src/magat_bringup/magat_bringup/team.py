@@ -3,19 +3,14 @@
 Free of ROS and of launch.
 """
 
-import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
 import yaml
 
 from magat_node.errors import MagatError
-
-#: A valid ROS namespace: letters, digits and underscores, parts separated by slashes.
-_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
-#: Words that ROS parameters parse as a Boolean or a number.
-_NO_NAMES = {"y", "n", "yes", "no", "on", "off", "true", "false", "nan", "inf", "infinity"}
+from magat_node.names import InvalidNameError, check_robot_name
 
 #: Environment variables of every process. A robot computes little: threads would only wait for each other.
 ENVIRONMENT = {"OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
@@ -33,7 +28,7 @@ class TeamFile:
         TeamFileError: no robots, an invalid name, a name that occurs twice, or a crew of less than one.
     """
 
-    #: Names, which are the robots' namespaces, in the simulator's order.
+    #: Names, which are the robots' namespaces in the team's, in the simulator's order.
     robots: tuple[str, ...]
     #: Robots in each process; the last may have fewer.
     crew: int = 1
@@ -43,13 +38,10 @@ class TeamFile:
         if not self.robots:
             raise TeamFileError("the team has no robots: name at least one")
         for name in self.robots:
-            if not isinstance(name, str):
-                raise TeamFileError(f"the robot {name!r} is not text but {type(name).__name__}: put it in quotes")
-            if not _NAME.fullmatch(name) or name.lower() in _NO_NAMES:
-                raise TeamFileError(
-                    f"the robot name {name!r} is invalid: use letters, digits and _, no digit first, "
-                    f"and none of {', '.join(sorted(_NO_NAMES))}"
-                )
+            try:
+                check_robot_name(name)
+            except InvalidNameError as error:
+                raise TeamFileError(str(error)) from error
         twice = sorted({name for name in self.robots if self.robots.count(name) > 1})
         if twice:
             raise TeamFileError(f"{', '.join(twice)}: named more than once: give each robot its own name")
@@ -105,11 +97,16 @@ class Command:
     ros_arguments: tuple[str, ...] = ()
     #: Whether the team can continue after it is restarted.
     again: bool = True
+    #: Whether it only watches the team, which goes on without it.
+    observer: bool = False
+    #: Of the team, see `magat_node.names.team_namespace`.
+    namespace: str = ""
 
     @property
     def python(self) -> list[str]:
         """What follows ``python -m``."""
-        return [self.module, *self.arguments, "--ros-args", *self.ros_arguments]
+        placed = ["-r", f"__ns:={self.namespace}"] if self.namespace else []
+        return [self.module, *self.arguments, "--ros-args", *self.ros_arguments, *placed]
 
 
 @dataclass(frozen=True)
@@ -128,7 +125,7 @@ class TeamPlan:
     #: Of messages; that of the policy's configuration if empty.
     encoding: str = ""
     #: What computes the policy, see `magat_robot.policy.backends`.
-    backend: str = "torch"
+    backend: str = "onnx"
     #: ROS parameter file for every process. As usual in ROS, its node-specific entries (``/**/robot``) override the
     #: arguments given here; its ``/**`` entries do not.
     params: Path | None = None
@@ -146,6 +143,8 @@ class TeamPlan:
     server: bool = False
     #: Folder of the bag that a recorder writes; no recorder if None.
     record: Path | None = None
+    #: Of all nodes of the team, see `magat_node.names.team_namespace`; the root if empty.
+    namespace: str = ""
 
     @property
     def nodes(self) -> int:
@@ -219,6 +218,7 @@ class TeamPlan:
                 package="magat_recording",
                 executable="recorder",
                 module="magat_recording.recorder",
+                observer=True,
                 ros_arguments=(*shared, *bag, *roster, *heard),
             )
             started.insert(0, recorder)
@@ -229,6 +229,7 @@ class TeamPlan:
                     package="magat_viewer",
                     executable="rviz_bridge",
                     module="magat_viewer.rviz.node",
+                    observer=True,
                     ros_arguments=(*shared, *sized),
                 )
             )
@@ -239,10 +240,11 @@ class TeamPlan:
                     package="magat_viewer",
                     executable="viewer",
                     module="magat_viewer.main",
+                    observer=True,
                     ros_arguments=(*shared, "-p", f"port:={self.view}"),
                 )
             )
-        return started
+        return [replace(command, namespace=self.namespace) for command in started]
 
 
 class PagePlan(TeamPlan):

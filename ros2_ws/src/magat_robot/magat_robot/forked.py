@@ -9,47 +9,50 @@ import contextlib
 import os
 import signal
 import sys
+import time
 import traceback
+from itertools import pairwise
 from pathlib import Path
 from types import FrameType
 
+from magat_node.names import InvalidNameError, check_robot_name, team_namespace
 from magat_node.parent import end_with_parent
+from magat_node.restarts import RESTARTS, RestartLimit
+from magat_node.text import log_line
 from magat_robot import node
 from magat_robot.policy.backends import BACKENDS, preload
 from magat_robot.policy.config import ENCODINGS, ModelError
 
 #: Exit status of a process that a signal ended, as shells give it.
 _SIGNALLED = 128
-#: A process is restarted at most this often.
-RESTARTS = 10
 
 
 def run_robots(names: list[str], ros_arguments: list[str], crew: int = 1, respawn: bool = False) -> int:
     """Run robot processes until all have ended.
 
-    SIGINT and SIGTERM are forwarded to them. When a process ends, ``NAME STATUS`` is printed, where NAME is its first
-    robot. If this process ends, however it does, the others are killed.
+    SIGINT and SIGTERM are forwarded to them. When a process ends, a log line says how, and whether it is started again.
+    If this process ends, however it does, the others are killed.
 
     Args:
-        names: names of the robots, which are their namespaces; may contain slashes.
-        ros_arguments: arguments after ``--ros-args``, the same for all processes.
+        names: names of the robots, which are their namespaces in the team's.
+        ros_arguments: arguments after ``--ros-args``, the same for all processes. A remapping of ``__ns`` sets the
+            namespace of the team.
         crew: robots in each process; the last process may have fewer.
-        respawn: restart a process that was killed by a signal, up to `RESTARTS` times. A process that exits by itself
-            is not restarted: it would fail again for the same reason.
+        respawn: restart a process that was killed by a signal, as often as a `RestartLimit` allows. A process that
+            exits by itself is not restarted: it would fail again for the same reason.
 
     Returns:
         0 if all processes returned 0, else the first other exit status.
-
-    Raises:
-        ValueError: robots of different teams would be in one process.
     """
     crews = [names[first : first + crew] for first in range(0, len(names), crew)]
-    carrying = [_carrying(group) for group in crews]
+    carrying = [_carrying(group, _namespace(ros_arguments)) for group in crews]
     robots = {_fork(own + ros_arguments): index for index, own in enumerate(carrying)}
-    restarts = [RESTARTS if respawn else 0] * len(crews)
+    limits = [RestartLimit(RESTARTS if respawn else 0) for _ in crews]
+    stopping = False
 
     def pass_on(number: int, _: FrameType | None) -> None:
-        restarts[:] = [0] * len(crews)  # processes that end now are not restarted
+        nonlocal stopping
+        stopping = True  # processes that end now are not restarted
         for pid in robots:
             os.kill(pid, number)
 
@@ -60,25 +63,33 @@ def run_robots(names: list[str], ros_arguments: list[str], crew: int = 1, respaw
         pid, status = os.wait()
         code = os.waitstatus_to_exitcode(status)
         index = robots.pop(pid)
-        again = code < 0 and restarts[index] > 0
-        code = code if code >= 0 else _SIGNALLED - code
-        print(f"{crews[index][0]} {code}", "restarting" if again else "", flush=True)
+        again = code < 0 and not stopping and limits[index].allows(time.monotonic())
+        how = f"killed by signal {-code}" if code < 0 else f"ended with status {code}"
+        name = ", ".join(crews[index])
         if again:
-            restarts[index] -= 1
+            print(log_line("WARN", "robots", f"{name}: {how}, restarted"), flush=True)
             robots[_fork(carrying[index] + ros_arguments)] = index
-        else:
-            worst = worst or code
+            continue
+        often = f"{how}, {limits[index].spent}, " if code < 0 and respawn else f"{how}, "
+        level = "INFO" if stopping else "ERROR"
+        print(log_line(level, "robots", f"{name}: {often}not started again"), flush=True)
+        worst = worst or (code if code >= 0 else _SIGNALLED - code)
     return worst
 
 
-def _carrying(names: list[str]) -> list[str]:
-    """ROS arguments of a process that runs these robots."""
-    names = [name.strip("/") for name in names]
-    teams = {name.rpartition("/")[0] for name in names}
-    if len(teams) > 1:
-        raise ValueError(f"{', '.join(names)} are of different teams: all robots of a process must be in one")
-    crew = ["-p", f"robots:=[{','.join(name.rpartition('/')[2] for name in names)}]"] if len(names) > 1 else []
-    return ["-r", f"__ns:=/{names[0]}", *crew]
+def _namespace(ros_arguments: list[str]) -> str:
+    """The namespace that ``ros_arguments`` give, without a slash at its end; of several the first, as in ROS."""
+    for option, rule in pairwise(ros_arguments):
+        left, _, right = rule.partition(":=")
+        if option in ("-r", "--remap") and left in ("__ns", "robot:__ns"):
+            return team_namespace(right)
+    return ""
+
+
+def _carrying(names: list[str], namespace: str = "") -> list[str]:
+    """ROS arguments of a process that runs these robots of the team in ``namespace``."""
+    crew = ["-p", f"robots:=[{','.join(names)}]"] if len(names) > 1 else []
+    return ["-r", f"__ns:={namespace}/{names[0]}", *crew]
 
 
 def _fork(ros_arguments: list[str]) -> int:
@@ -105,15 +116,21 @@ def main(args: list[str] | None = None) -> int:
     args = sys.argv[1:] if args is None else args
     split = args.index("--ros-args") if "--ros-args" in args else len(args)
     parser = argparse.ArgumentParser(prog="robots", description="Start the robots of a team, each in its own process.")
-    parser.add_argument("names", nargs="+", metavar="NAME", help="name of a robot, which is its namespace")
+    parser.add_argument("names", nargs="+", metavar="NAME", help="of a robot, its namespace in the team's")
     parser.add_argument("--policy", required=True, metavar="FOLDER", help="folder of the robots' policy")
     parser.add_argument("--encoding", choices=ENCODINGS, default="", help="of messages (default: the policy's)")
-    parser.add_argument("--backend", choices=BACKENDS, default="torch", help="computes the policy (default: torch)")
+    parser.add_argument("--backend", choices=BACKENDS, default="onnx", help="computes the policy (default: onnx)")
     parser.add_argument("--respawn", action="store_true", help="restart processes that are killed by a signal")
     parser.add_argument("--crew", type=int, default=1, metavar="M", help="robots in each process (default: 1)")
     options = parser.parse_args(args[:split])
     if options.crew < 1:
         parser.error(f"--crew {options.crew}: must be at least 1")
+    try:
+        for name in options.names:
+            check_robot_name(name)
+        _namespace(args[split + 1 :])
+    except InvalidNameError as error:
+        parser.error(str(error))
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # ends at once during imports: there is nothing to clean up yet
     changes = {"encoding": options.encoding} if options.encoding else {}
     # Errors are left to the robots, because ROS parameters may give them another policy.
@@ -121,11 +138,7 @@ def main(args: list[str] | None = None) -> int:
         preload(Path(options.policy), options.backend, **changes)  # before the fork, so that its memory is shared
     values = {"policy": options.policy, "backend": options.backend, **changes}
     parameters = [part for name, value in values.items() for part in ("-p", f"{name}:={value}")]
-    ros_arguments = [*parameters, *args[split + 1 :]]
-    try:
-        return run_robots(options.names, ros_arguments, options.crew, options.respawn)
-    except ValueError as error:
-        parser.error(str(error))
+    return run_robots(options.names, [*parameters, *args[split + 1 :]], options.crew, options.respawn)
 
 
 if __name__ == "__main__":

@@ -17,6 +17,9 @@ from magat_sim.case import Case
 from magat_sim.measures import Flowtime
 from magat_sim.ticks import DistributedEpisode
 
+#: How the error of an episode begins that the expert has no solution for.
+NO_MAKESPAN = "the expert gives no makespan"
+
 
 class Progress(NamedTuple):
     """Feedback while a goal is under way; tick and T_max are 0 before the first tick."""

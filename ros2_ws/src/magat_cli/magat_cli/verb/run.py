@@ -24,7 +24,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--first", type=int, default=SPLITS["test"].start, help="number of the first case (default: an unseen one)"
     )
     parser.add_argument(
-        "--output", type=Path, default=Path("runs/latest"), help="folder for results, pictures and logs"
+        "--output",
+        type=Path,
+        help="folder for results, pictures and logs (default: a new one in runs/, to which runs/latest leads)",
     )
     robots = parser.add_mutually_exclusive_group()
     robots.add_argument("--team", type=Path, metavar="FILE", help="YAML file that names the robots")
@@ -36,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="robots hear each other, or what the simulator relays (default: direct)",
     )
     parser.add_argument(
-        "--backend", choices=BACKENDS, default="torch", help="what computes the policy (default: torch)"
+        "--backend", choices=BACKENDS, default="onnx", help="what computes the policy (default: onnx)"
     )
     parser.add_argument("--params", type=Path, metavar="FILE", help="ROS parameter file for every process")
     parser.add_argument("--view", action="store_true", help="show the team in a browser on this machine")
@@ -120,8 +122,6 @@ def main(options: Options, console: "Console") -> int:
             )
         },
         view=free_port() if options.view else None,
-        # Path() is what --record alone gives.
-        record=options.output / "bag" if options.record == Path() else options.record,
     )
     given = {name: value for name, value in vars(options).items() if name in RunPlan.__dataclass_fields__}
     scenarios = None

@@ -11,6 +11,7 @@ from magat_node.cdr import PackedFeature
 from magat_sim.case import Case
 from magat_sim.constants import T_MAX_FACTOR
 from magat_sim.episode_states import (
+    NO_MAKESPAN,
     AwaitingExpert,
     EpisodeEnd,
     EpisodeRequest,
@@ -191,7 +192,7 @@ class EpisodeServer:
         """Begin the first tick, with the expert's plan if there is one."""
         goal, request = gathered.goal, gathered.request
         if plan is None and request.t_max == 0:
-            error = f"the expert gives no makespan ({why}): set t_max, or take another case"
+            error = f"{NO_MAKESPAN} ({why}): set t_max, or take another case"
             self._end(goal.abort, EpisodeEnd(request.episode, error))
             return
         t_max = request.t_max or (T_MAX_FACTOR * plan.makespan if plan is not None else 0)

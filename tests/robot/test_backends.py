@@ -11,14 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from magat_robot.policy.backends import load_policy
+from magat_robot.policy.backends import ensure_exported, load_computed, load_policy
+from magat_robot.policy.computed import ComputedPolicy
 from magat_robot.policy.config import ModelError
-from magat_robot.policy.export import export, exported
-from magat_robot.policy.interface import RobotPolicy
+from magat_robot.policy.export import export
 from magat_robot.policy.onnx_policy import OnnxPolicy
 from magat_robot.policy.store import load, save
 
-VARIANTS = {"MAGAT-F-8": {}, "GAT-B-6-P2": {"taps": 3}}
+MODELS = Path(__file__).resolve().parents[2] / "models"
+VARIANTS = {"MAGAT-F-8": {"cnn": "centred"}, "GAT-B-6-P2": {"taps": 3}}
 
 
 @pytest.fixture(scope="module", params=VARIANTS)
@@ -30,13 +31,14 @@ def folder(request: pytest.FixtureRequest, random_network: Callable, tmp_path_fa
     return made
 
 
-def said(policy: RobotPolicy, field_of_view: np.ndarray, heard: np.ndarray) -> list[bytes]:
-    """All messages and decisions of the robots."""
+def said(policy: ComputedPolicy, field_of_view: np.ndarray, heard: np.ndarray) -> list[bytes]:
+    """All messages, attention and decisions of the robots."""
     own = policy.perceive(field_of_view)
     result = []
     for _ in policy.config.message_sizes:
-        result.append(own.messages.tobytes())
-        own = policy.hear(own, own.messages[np.maximum(heard, 0)], heard >= 0)
+        received = own.messages[np.maximum(heard, 0)], heard >= 0
+        result += [own.messages.tobytes(), policy.attention(own, *received).tobytes()]
+        own = policy.hear(own, *received)
     decision = policy.decide(own, np.arange(len(field_of_view), dtype=np.uint64), 5)
     return [*result, decision.weights.tobytes(), decision.primitives.tobytes()]
 
@@ -50,6 +52,23 @@ def test_onnxruntime_says_and_decides_what_torch_does_to_the_bit(
     assert isinstance(other, OnnxPolicy)
     assert other.digest == reference.digest
     assert said(other, team.field_of_view, team.heard) == said(reference, team.field_of_view, team.heard)
+
+
+@pytest.mark.parametrize("policy", sorted(MODELS.glob("*/model.safetensors")), ids=lambda path: path.parent.name)
+def test_every_policy_has_an_exported_form_of_the_same_bits(policy: Path, random_team: Callable) -> None:
+    shipped = policy.parent
+    # Some hundreds: a constant that is rounded to float32 changes one decision in fifty.
+    team = random_team(np.random.default_rng(4), 400, side=30)
+    exported = load_computed(shipped)
+    assert isinstance(exported, OnnxPolicy)
+    assert said(exported, team.field_of_view, team.heard) == said(load(shipped), team.field_of_view, team.heard)
+
+
+def test_whole_ticks_of_many_robots_are_the_same_to_the_bit(folder: Path, random_team: Callable) -> None:
+    exported, reference = pickle.loads(pickle.dumps(OnnxPolicy(folder, temperature=0.7))), load(folder, temperature=0.7)
+    for tick, team in enumerate(random_team(np.random.default_rng(seed), *[40] * 8) for seed in (1, 1, 2)):
+        seen = team.field_of_view, team.heard, team.streams, tick
+        assert exported.decide_together(*seen).weights.tobytes() == reference.decide_together(*seen).weights.tobytes()
 
 
 def test_a_robot_that_hears_nobody_decides_alike(folder: Path, random_team: Callable) -> None:
@@ -108,7 +127,7 @@ def test_what_is_missing_damaged_or_of_other_weights_is_refused(folder: Path, tm
     copy = tmp_path / "copy"
     shutil.copytree(folder, copy)
     untouched = (copy / "onnx" / "contents.json").stat().st_mtime_ns
-    assert exported(copy) == copy / "onnx"
+    ensure_exported(copy)
     assert (copy / "onnx" / "contents.json").stat().st_mtime_ns == untouched
     part = copy / "onnx" / "perceive.onnx"
     before = part.read_bytes()
@@ -127,8 +146,48 @@ def test_what_is_missing_damaged_or_of_other_weights_is_refused(folder: Path, tm
 
 def test_an_export_that_is_not_there_is_made(random_network: Callable, tmp_path: Path) -> None:
     save(random_network("MAGAT-F-4", taps=1), tmp_path, "")
-    exported(tmp_path)
+    assert not isinstance(load_computed(tmp_path), OnnxPolicy)
+    ensure_exported(tmp_path)
     assert OnnxPolicy(tmp_path).config.name == "MAGAT-F-4"
+
+
+def test_new_weights_have_no_old_export(random_network: Callable, folder: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    save(random_network("MAGAT-F-4"), copy, "")
+    assert not (copy / "onnx").exists()
+
+
+def test_an_export_of_another_version_is_refused(folder: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    contents = json.loads((copy / "onnx" / "contents.json").read_text())
+    (copy / "onnx" / "contents.json").write_text(json.dumps(contents | {"version": 1}))
+    with pytest.raises(ModelError, match="of version 1, and robots need 2: export the policy"):
+        OnnxPolicy(copy)
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        ("load_policy(folder, 'torch')", "take the backend onnx"),
+        ("load_computed(folder)", "is not exported, and "),
+        ("ensure_exported(folder)", "cannot be used"),
+    ],
+)
+def test_where_torch_is_missing_the_error_says_what_to_install(
+    random_network: Callable, tmp_path: Path, call: str, said: str
+) -> None:
+    save(random_network("MAGAT-F-4", taps=1), tmp_path, "")
+    program = (
+        "import sys; from pathlib import Path; sys.modules['torch'] = None; "
+        "from magat_robot.policy.config import ModelError; "
+        "from magat_robot.policy.backends import ensure_exported, load_computed, load_policy\n"
+        f"folder = Path({str(tmp_path)!r})\ntry: {call}\nexcept ModelError as error: print(error)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60)
+    assert said in done.stdout
+    assert "requirements-train.txt" in done.stdout
 
 
 def test_only_what_is_a_matter_of_deployment_can_be_changed(folder: Path) -> None:

@@ -11,10 +11,10 @@ from magat_evaluation.planners import Planner, policy_planner
 from magat_evaluation.report import EvaluationKey
 from magat_evaluation.sets import CaseSet
 from magat_node import cdr
+from magat_robot.policy.backends import load_computed
 from magat_robot.policy.config import PolicyConfig
-from magat_robot.policy.folder import read_folder
+from magat_robot.policy.folder import read_folder, read_temperature
 from magat_robot.policy.payload import encoded_bytes
-from magat_robot.policy.store import load
 from magat_sim.shield import SHIELD_VERSIONS
 from magat_sim.simulator import DEFAULT_RULES, Rules
 
@@ -23,7 +23,7 @@ from magat_sim.simulator import DEFAULT_RULES, Rules
 class Setting:
     """How a policy is run, on whatever cases."""
 
-    #: For sampling; the policy's own if None.
+    #: For sampling; the policy's own with this shield if None.
     temperature: float | None = None
     #: Of messages; the policy's own if empty.
     encoding: str = ""
@@ -64,10 +64,11 @@ class Candidate:
             ModelError: it cannot be used, or not in this setting.
         """
         config, digest, _ = read_folder(folder)
-        config = config.with_changes(**setting.changes)
+        changes = {"temperature": read_temperature(folder, setting.rules.shield)} | setting.changes
+        config = config.with_changes(**changes)
 
         def make_planner() -> Planner:
-            return policy_planner(load(folder, **setting.changes))
+            return policy_planner(load_computed(folder, **changes))
 
         conditions = (config.temperature, config.encoding, setting.rules)
         return cls(name or config.name, digest, *conditions, bytes_per_step(config), make_planner)

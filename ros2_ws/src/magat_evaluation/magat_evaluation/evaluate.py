@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -9,7 +10,6 @@ from functools import lru_cache, partial
 from multiprocessing import get_context
 from typing import Any
 
-import torch
 from rich.console import Console
 from rich.table import Table
 
@@ -118,8 +118,8 @@ def _here(run: _Run, batches: Sequence[Sequence[SolvedCase]], console: Console) 
 def _in_processes(
     run: _Run, batches: Sequence[Sequence[SolvedCase]], workers: int, console: Console
 ) -> list[EpisodeMeasures]:
-    # Spawned, because torch's threads do not survive a fork.
-    pool = ProcessPoolExecutor(workers, get_context("spawn"), torch.set_num_threads, (1,))
+    # Spawned, because the libraries' threads do not survive a fork.
+    pool = ProcessPoolExecutor(workers, get_context("spawn"), os.putenv, ("OMP_NUM_THREADS", "1"))
     try:
         found: Iterator[list[EpisodeMeasures]] = pool.map(run, batches)
         shown = tracked(found, "batches of episodes", len(batches), console)

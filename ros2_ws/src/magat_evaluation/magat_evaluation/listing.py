@@ -14,8 +14,9 @@ from magat_evaluation.candidates import bytes_per_step
 from magat_evaluation.measures_file import read
 from magat_evaluation.report import Report
 from magat_evaluation.tables import DIGITS, table
+from magat_robot.policy.backends import load_computed
 from magat_robot.policy.config import ModelError, PolicyConfig
-from magat_robot.policy.store import load_network
+from magat_robot.policy.folder import count_weights
 
 
 @dataclass(frozen=True)
@@ -65,12 +66,12 @@ class UnusablePolicy:
 def describe(name: str, folder: Path) -> ListedPolicy | UnusablePolicy:
     """Verify the policy in ``folder``, and read its reports."""
     try:
-        network, digest = load_network(folder)
+        policy = load_computed(folder)
+        weights = count_weights(folder)
         reports = read(folder)
     except ModelError as error:
         return UnusablePolicy(name, folder, str(error))
-    weights = sum(tensor.numel() for tensor in network.parameters())
-    return ListedPolicy(name, folder, network.config, digest, weights, reports)
+    return ListedPolicy(name, folder, policy.config, policy.digest, weights, reports)
 
 
 def listing(policies: Sequence[ListedPolicy | UnusablePolicy]) -> Group:

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from magat_evaluation.cases import SolvedCase
 from magat_evaluation.splits import SET_SEED
-from magat_robot.policy.policy import Policy
+from magat_robot.policy.computed import ComputedPolicy
 from magat_robot.policy.sampling import uniform
 from magat_sim.grid import DELTAS
 from magat_sim.measures import EpisodeMeasures
@@ -35,7 +35,7 @@ def simulator_for(
 
 
 def evaluate(
-    policy: Policy,
+    policy: ComputedPolicy,
     solved: Sequence[SolvedCase],
     seed: int = SET_SEED,
     on_step: Callable[[Simulator], None] | None = None,
@@ -69,21 +69,23 @@ def evaluate_planner(
     return simulator.measures([s.flowtime for s in solved])
 
 
-def policy_planner(policy: Policy) -> Planner:
+def policy_planner(policy: ComputedPolicy) -> Planner:
     """The planner by which every robot runs ``policy``; it can be pickled if the policy can."""
     return partial(_plan_by_policy, policy)
 
 
-def run_policy(policy: Policy, simulator: Simulator, on_step: Callable[[Simulator], None] | None = None) -> None:
+def run_policy(
+    policy: ComputedPolicy, simulator: Simulator, on_step: Callable[[Simulator], None] | None = None
+) -> None:
     """Step ``simulator`` to its end, every robot by ``policy``; ``on_step`` is called after each step."""
     run(simulator, partial(_decide, policy), on_step)
 
 
-def _plan_by_policy(policy: Policy, _: Sequence[SolvedCase], __: Simulator) -> Decide:
+def _plan_by_policy(policy: ComputedPolicy, _: Sequence[SolvedCase], __: Simulator) -> Decide:
     return partial(_decide, policy)
 
 
-def _decide(policy: Policy, observation: Observation) -> Actions:
+def _decide(policy: ComputedPolicy, observation: Observation) -> Actions:
     decision = policy.decide_together(
         observation.field_of_view, observation.heard, observation.streams, observation.tick
     )

@@ -15,8 +15,8 @@ import pandas as pd
 from magat_recording.bag import BagError
 from magat_recording.tables import RecordedEpisode, RecordedTick, TeamRecording
 from magat_robot.policy import payload
+from magat_robot.policy.computed import ComputedPolicy
 from magat_robot.policy.config import ENCODING_NAMES, OBSERVATION_SHAPE
-from magat_robot.policy.policy import Policy
 from magat_sim.grid import DELTAS, BoolArray, IntArray
 from magat_sim.measures import Z_95
 
@@ -24,7 +24,7 @@ from magat_sim.measures import Z_95
 _ONE_ROBOT = ["episode", "tick", "round", "head", "receiver", "neighbours"]
 
 
-def links(recording: TeamRecording, policy: Policy | None = None) -> pd.DataFrame:
+def links(recording: TeamRecording, policy: ComputedPolicy | None = None) -> pd.DataFrame:
     """The radio links of all ticks, with the attention that the receiver pays to the sender.
 
     Args:
@@ -48,7 +48,9 @@ def links(recording: TeamRecording, policy: Policy | None = None) -> pd.DataFram
     return pd.concat(parts, ignore_index=True)
 
 
-def episode_links(episode: RecordedEpisode, policy: Policy | None, tick: int | None = None) -> pd.DataFrame | None:
+def episode_links(
+    episode: RecordedEpisode, policy: ComputedPolicy | None, tick: int | None = None
+) -> pd.DataFrame | None:
     """As `links`, of ``episode`` alone, and of one tick of it if that is given; None if there are no links.
 
     Raises:
@@ -116,7 +118,7 @@ def _conflict(here: IntArray, there: IntArray, target: IntArray, other_target: I
 
 
 def _weights(
-    rows: list[tuple[int, RecordedTick, int]], sender_rows: IntArray, policy: Policy
+    rows: list[tuple[int, RecordedTick, int]], sender_rows: IntArray, policy: ComputedPolicy
 ) -> list[tuple[npt.NDArray[np.float64], BoolArray]]:
     """For each round the attention of rows to places, ``[R, P, M]``, and which places hold a message, ``[R, M]``."""
     views = [np.frombuffer(messages.observations[robot].message.field_of_view, np.uint8) for _, messages, robot in rows]

@@ -9,10 +9,10 @@ from rich.console import Console
 from magat_recording.attention import attention_received, effective_neighbours, links, relative_attention
 from magat_recording.deadlocks import deadlocks
 from magat_recording.tables import TeamRecording
+from magat_robot.policy.backends import load_computed
+from magat_robot.policy.computed import ComputedPolicy
 from magat_robot.policy.config import ModelError
 from magat_robot.policy.models import find_policy, policy_of_digest
-from magat_robot.policy.policy import Policy
-from magat_robot.policy.store import load
 
 #: Percentiles of a tick's wall time that are reported.
 PERCENTILES = {"p50": 0.5, "p90": 0.9, "p99": 0.99, "max": 1.0}
@@ -26,7 +26,7 @@ class Findings:
 
     recording: TeamRecording
     #: The policy that the robots carried; None if it is not known.
-    policy: Policy | None
+    policy: ComputedPolicy | None
     #: Why there is no attention; empty if there is.
     no_attention: str
     #: With attention if the policy is known and its robots communicate.
@@ -88,7 +88,7 @@ def analyze(bag: Path, policy: str | None, console: Console) -> Findings:
         return Findings(recording, carried, no_attention, links(recording, carried), deadlocks(recording.robots))
 
 
-def attention_policy(recording: TeamRecording, name: str | None) -> tuple[Policy | None, str]:
+def attention_policy(recording: TeamRecording, name: str | None) -> tuple[ComputedPolicy | None, str]:
     """The policy that the robots carried, and why there is no attention (empty if there is).
 
     Args:
@@ -104,9 +104,9 @@ def attention_policy(recording: TeamRecording, name: str | None) -> tuple[Policy
     return policy, f"robots with {policy.config.name} and K = 1 do not communicate"
 
 
-def _carried_policy(recording: TeamRecording, name: str | None) -> tuple[Policy | None, str]:
+def _carried_policy(recording: TeamRecording, name: str | None) -> tuple[ComputedPolicy | None, str]:
     if name is not None:
-        return load(find_policy(name)), ""
+        return load_computed(find_policy(name)), ""
     status = recording.last_status
     if status is None:
         return None, "the recording has no robot_status: name the policy with --policy"
@@ -118,6 +118,6 @@ def _carried_policy(recording: TeamRecording, name: str | None) -> tuple[Policy 
         missing = f"{status.policy} ({status.digest[:12]})"
         return None, f"there is no policy {missing} in the folders of models: name its folder with --policy"
     try:
-        return load(folder), ""
+        return load_computed(folder), ""
     except ModelError as error:
         return None, str(error)

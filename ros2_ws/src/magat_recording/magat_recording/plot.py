@@ -13,7 +13,7 @@ from magat_recording.attention import episode_links
 from magat_recording.bag import BagError
 from magat_recording.findings import attention_policy
 from magat_recording.tables import RecordedEpisode, TeamRecording
-from magat_robot.policy.policy import Policy
+from magat_robot.policy.computed import ComputedPolicy
 
 #: File types of pictures and of animations.
 PICTURES, ANIMATION = (".svg", ".png", ".pdf"), ".gif"
@@ -82,7 +82,7 @@ def _drawn_episode(episode: RecordedEpisode, recording: TeamRecording) -> DrawnE
 
 
 def _attention(
-    episode: RecordedEpisode, policy: Policy | None, tick: int | None = None
+    episode: RecordedEpisode, policy: ComputedPolicy | None, tick: int | None = None
 ) -> list[dict[tuple[int, int], float]] | None:
     """For each instant the attention of the first round by receiver and sender, mean over heads; None if there is none.
 

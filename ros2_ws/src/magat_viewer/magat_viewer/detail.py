@@ -13,20 +13,18 @@ computed from its observation and the messages that it received, and there are t
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from magat_robot.policy import payload
+from magat_robot.policy.computed import ComputedPolicy
 from magat_robot.policy.config import ENCODINGS
+from magat_robot.policy.interface import LatentState
 from magat_sim.field_of_view import Uint8Array, field_of_view, pad
 from magat_sim.grid import BoolArray, IntArray
 from magat_sim.radio import neighbours
-
-if TYPE_CHECKING:
-    from magat_robot.policy.interface import LatentState
-    from magat_robot.policy.policy import Policy  # torch takes a second to import, and is not always needed
 
 #: Why attention is not known yet: only the robots' own messages tell which messages the robot received.
 RECEIVED_UNKNOWN = "the page does not know yet which messages the robot received"
@@ -134,7 +132,7 @@ class _Decision:
     attention: dict[int, list[float]] = field(default_factory=dict)
 
 
-def robot_detail(robot: int, snapshot: TeamSnapshot, messages: RobotTick, policy: "Policy | str") -> RobotDetail:
+def robot_detail(robot: int, snapshot: TeamSnapshot, messages: RobotTick, policy: ComputedPolicy | str) -> RobotDetail:
     """What the page shows of ``robot``.
 
     Args:
@@ -162,7 +160,7 @@ def robot_detail(robot: int, snapshot: TeamSnapshot, messages: RobotTick, policy
 
 
 def _from_world(
-    snapshot: TeamSnapshot, in_range: list[int], messages: RobotTick, outcome: TickOutcome, policy: "Policy | str"
+    snapshot: TeamSnapshot, in_range: list[int], messages: RobotTick, outcome: TickOutcome, policy: ComputedPolicy | str
 ) -> _Decision:
     """The decision of a robot that received all messages in range, in a tick of one round; otherwise almost nothing."""
     if outcome.silent:
@@ -185,7 +183,7 @@ def _from_world(
 
 
 def _from_messages(
-    snapshot: TeamSnapshot, in_range: list[int], messages: RobotTick, policy: "Policy | str"
+    snapshot: TeamSnapshot, in_range: list[int], messages: RobotTick, policy: ComputedPolicy | str
 ) -> _Decision:
     """The decision of a robot by its own preference, and its attention by the messages that it received."""
     attention, no_attention = _attention(snapshot, in_range, messages, policy)
@@ -197,7 +195,7 @@ def _from_messages(
 
 
 def _attention(
-    snapshot: TeamSnapshot, in_range: list[int], messages: RobotTick, policy: "Policy | str"
+    snapshot: TeamSnapshot, in_range: list[int], messages: RobotTick, policy: ComputedPolicy | str
 ) -> tuple[dict[int, list[float]], str]:
     """Attention by neighbour and head, and why there is none (empty if there is)."""
     if reason := _not_computable(snapshot, policy):
@@ -225,7 +223,7 @@ def _attention(
 
 
 def _by_neighbour(
-    policy: "Policy", latent: "LatentState", received: npt.NDArray[np.float32], senders: list[int]
+    policy: ComputedPolicy, latent: LatentState, received: npt.NDArray[np.float32], senders: list[int]
 ) -> dict[int, list[float]]:
     """The attention to the messages ``received`` (``[M, n]``) from ``senders``, by sender and head."""
     if not policy.config.communicates:
@@ -234,23 +232,23 @@ def _by_neighbour(
     return {sender: weights[:, place].round(4).tolist() for place, sender in enumerate(senders)}
 
 
-def _not_computable(snapshot: TeamSnapshot, policy: "Policy | str") -> str:
+def _not_computable(snapshot: TeamSnapshot, policy: ComputedPolicy | str) -> str:
     """Why nothing can be computed; empty if it can."""
     if isinstance(policy, str):
         return policy
     return "" if snapshot.obstacles is not None else "the map is not known until the next episode starts"
 
 
-def _no_attention(policy: "Policy") -> str:
+def _no_attention(policy: ComputedPolicy) -> str:
     """Why there is no attention with this policy; empty if there is."""
     return "" if policy.config.communicates else f"robots with {policy.config.name} and K = 1 do not communicate"
 
 
-def _encoding(messages: RobotTick, policy: "Policy") -> str:
+def _encoding(messages: RobotTick, policy: ComputedPolicy) -> str:
     return messages.encoding if messages.encoding in ENCODINGS else policy.config.encoding
 
 
-def _sent(snapshot: TeamSnapshot, robots: list[int], policy: "Policy") -> npt.NDArray[np.float32]:
+def _sent(snapshot: TeamSnapshot, robots: list[int], policy: ComputedPolicy) -> npt.NDArray[np.float32]:
     """``[len(robots), n]`` what ``robots`` sent in the first round, before it was encoded."""
     return policy.perceive(snapshot.fields_of_view(robots)).messages
 

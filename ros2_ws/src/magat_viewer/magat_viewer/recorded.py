@@ -5,8 +5,8 @@ from collections.abc import Collection
 import numpy as np
 
 from magat_recording.tables import RecordedEpisode, TeamRecording
+from magat_robot.policy.computed import ComputedPolicy
 from magat_robot.policy.config import ENCODING_NAMES, OBSERVATION_SHAPE
-from magat_robot.policy.policy import Policy
 from magat_viewer.detail import RobotDetail, RobotTick, TeamSnapshot, robot_detail
 from magat_viewer.health import HealthReport, TeamHealth
 from magat_viewer.watched_episode import EpisodeResult, Scene, WatchedEpisode
@@ -17,7 +17,7 @@ class RecordedTeam:
 
     live = False
 
-    def __init__(self, recording: TeamRecording, policy: Policy | str, title: str) -> None:
+    def __init__(self, recording: TeamRecording, policy: ComputedPolicy | str, title: str) -> None:
         """Show ``recording``; ``policy`` is that of the robots, or the reason why it is not known."""
         self.title = title
         self._recording, self._policy = recording, policy

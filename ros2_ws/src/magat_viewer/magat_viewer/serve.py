@@ -58,14 +58,11 @@ def save_screenshot(bag: Path, policy: str | None, at: str, file: Path, console:
 
 def recorded_team(bag: Path, policy: str | None, console: Console) -> "RecordedTeam":
     """The source of a recorded team; arguments and errors as for `view_bag`."""
-    # The page of a running team needs neither pandas nor, at first, torch, which take seconds to import.
-    import torch
-
+    # The page of a running team does not need pandas, which takes long to import.
     from magat_recording.findings import attention_policy
     from magat_recording.tables import TeamRecording
     from magat_viewer.recorded import RecordedTeam
 
-    torch.set_num_threads(1)  # one robot's network is small: more threads would only wait for each other
     with console.status(f"reading {bag}"):
         recording = TeamRecording(bag)
         carried, why = attention_policy(recording, policy)

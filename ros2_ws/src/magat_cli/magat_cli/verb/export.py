@@ -1,4 +1,4 @@
-"""Make a policy's form for onnxruntime, which robots run without torch."""
+"""Make a policy's form for onnxruntime, unless it is there; needs torch."""
 
 import argparse
 from pathlib import Path
@@ -29,8 +29,10 @@ def exported_policy(policy: str, console: "Console") -> Path:
     Raises:
         ModelError: there is no such policy, or it cannot be used.
     """
-    from magat_robot.policy.export import exported
+    from magat_robot.policy.backends import ensure_exported
     from magat_robot.policy.models import find_policy
 
+    folder = find_policy(policy)
     with console.status(f"exporting {policy} for onnxruntime"):
-        return exported(find_policy(policy)).parent
+        ensure_exported(folder)
+    return folder

@@ -10,8 +10,8 @@ from magat_evaluation.cases import solved_cases
 from magat_evaluation.pogema.world import score
 from magat_evaluation.sets import CaseSet, set_name
 from magat_node.progress import progress_bars
+from magat_robot.policy.backends import load_computed
 from magat_robot.policy.config import ModelError
-from magat_robot.policy.store import load
 from magat_sim.case import InvalidCaseError
 from magat_sim.measures import wilson
 
@@ -34,7 +34,7 @@ def evaluate_in_pogema(folder: Path, cases: CaseSet, console: Console) -> dict[s
         InvalidCaseError: no such cases can be drawn, or the expert solves none of them.
         ModelError: the policy cannot be used, or POGEMA is not installed.
     """
-    policy = load(folder)
+    policy = load_computed(folder)
     solved = list(solved_cases(cases.numbers, cases.seed, **cases.size))
     if not solved:
         raise InvalidCaseError(f"the expert solves none of the {cases.cases} cases: ask for more, or for easier ones")

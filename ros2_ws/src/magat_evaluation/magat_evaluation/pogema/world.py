@@ -1,6 +1,6 @@
 """Policies in POGEMA, the environment in which others compare theirs (Skrynnik et al., 2022).
 
-Observations, messages and decisions are the same as in our simulator: `field_of_view`, `neighbours`, `Policy`. Only the
+Observations, messages and decisions are the same as in our simulator: `field_of_view`, `neighbours`, `ComputedPolicy`. Only the
 world differs. In POGEMA a cell is ``(row, column)``, rows are counted from the top, and the map has a border of
 `obs_radius` cells. Its actions have the numbers of our primitives; up is the row before.
 """
@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from magat_evaluation.cases import SolvedCase
 from magat_evaluation.splits import SET_SEED
-from magat_robot.policy.policy import Policy
+from magat_robot.policy.computed import ComputedPolicy
 from magat_sim.case import Case
 from magat_sim.field_of_view import RADIUS, field_of_view, pad
 from magat_sim.grid import BoolArray, IntArray
@@ -27,7 +27,7 @@ MapfObservation = Mapping[str, Any]
 class PogemaPolicy:
     """All robots of one episode, each with its own copy of a policy: ``act`` is what POGEMA's benchmarks call."""
 
-    def __init__(self, policy: Policy, seed: int = SET_SEED, number: int = 0) -> None:
+    def __init__(self, policy: ComputedPolicy, seed: int = SET_SEED, number: int = 0) -> None:
         """Begin the episode ``number`` under ``seed``, which select the random streams, see `episode_streams`."""
         self._policy, self._seed = policy, seed
         self.reset(number)
@@ -100,7 +100,7 @@ def environment(case: Case, t_max: int) -> Any:
 
 
 def score(
-    policy: Policy, solved: Sequence[SolvedCase], seed: int = SET_SEED, on_case: Callable[[], None] | None = None
+    policy: ComputedPolicy, solved: Sequence[SolvedCase], seed: int = SET_SEED, on_case: Callable[[], None] | None = None
 ) -> list[dict[str, float]]:
     """Run an episode on each case, with as many steps as in our simulator, and return POGEMA's metrics.
 

@@ -7,11 +7,17 @@ saves and loads weights with torch.
 from pathlib import Path
 from typing import Any
 
+from magat_robot.policy.computed import ComputedPolicy
+from magat_robot.policy.config import ModelError
+from magat_robot.policy.folder import EXPORT, read_export, read_folder
 from magat_robot.policy.interface import RobotPolicy
 
-#: torch is the reference. onnx (onnxruntime) computes the same bits, several times faster and in less memory. echo
-#: computes nothing: it measures the cost of everything else.
-BACKENDS = ("torch", "onnx", "echo")
+#: onnx (onnxruntime) runs a policy's exported form. torch is the reference: it computes the same bits, for one robot
+#: several times slower and in more memory. echo computes nothing: it measures the cost of everything else.
+BACKENDS = ("onnx", "torch", "echo")
+
+#: What to do where torch is needed but not installed.
+_NO_TORCH = "install what training needs, requirements-train.txt"
 
 _preloaded: dict[tuple[Path, str, tuple[tuple[str, Any], ...]], RobotPolicy] = {}
 
@@ -32,13 +38,13 @@ def _key(folder: Path, backend: str, changes: dict[str, Any]) -> tuple[Path, str
     return folder.resolve(), backend, tuple(sorted(changes.items()))
 
 
-def load_policy(folder: Path, backend: str = "torch", **changes: Any) -> RobotPolicy:
-    """Load the policy in ``folder``; it computes in one thread.
+def load_policy(folder: Path, backend: str = "onnx", **changes: Any) -> RobotPolicy:
+    """Load the policy in ``folder`` for a robot; it computes in one thread.
 
     Args:
         folder: policy folder; exported beforehand (`magat_robot.policy.export`) for the backend onnx.
         backend: one of `BACKENDS`.
-        changes: values for the fields of its configuration that do not affect the weights: temperature, encoding.
+        changes: values for the fields of its configuration that do not affect the weights, see `CHANGEABLE`.
 
     Raises:
         ModelError: the policy cannot be used.
@@ -55,9 +61,50 @@ def load_policy(folder: Path, backend: str = "torch", **changes: Any) -> RobotPo
         from magat_robot.policy.echo_policy import EchoPolicy
 
         return EchoPolicy(folder, **changes)
-    import torch
+    try:
+        import torch
 
-    from magat_robot.policy.store import load
-
+        from magat_robot.policy.store import load
+    except ModuleNotFoundError as error:
+        raise ModelError(f"{error}: {_NO_TORCH}, or take the backend onnx") from error
     torch.set_num_threads(1)  # a robot's computations are small: more threads would only wait for each other
     return load(folder, **changes)
+
+
+def load_computed(folder: Path, **changes: Any) -> ComputedPolicy:
+    """Load the policy in ``folder`` for a tool: its exported form if there is one, else its weights, with torch.
+
+    Args:
+        folder: policy folder.
+        changes: see `load_policy`.
+
+    Raises:
+        ModelError: the policy cannot be used, or it is not exported and torch is not installed.
+    """
+    if (folder / EXPORT).is_dir():
+        from magat_robot.policy.onnx_policy import OnnxPolicy
+
+        return OnnxPolicy(folder, **changes)
+    read_folder(folder)  # its errors come first
+    try:
+        from magat_robot.policy.store import load
+    except ModuleNotFoundError as error:
+        raise ModelError(f"{folder} is not exported, and {error}: {_NO_TORCH}") from error
+    return load(folder, **changes)
+
+
+def ensure_exported(folder: Path) -> None:
+    """Export the policy in ``folder``, unless an intact export of its weights is there.
+
+    Raises:
+        ModelError: the policy cannot be used, or it is not exported and torch is not installed.
+    """
+    config, digest, _ = read_folder(folder)
+    try:
+        read_export(folder, digest, len(config.message_sizes))
+    except ModelError as reason:
+        try:
+            from magat_robot.policy.export import export
+        except ModuleNotFoundError as error:
+            raise ModelError(f"{reason}; {error}: {_NO_TORCH}") from error
+        export(folder)

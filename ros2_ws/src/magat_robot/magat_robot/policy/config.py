@@ -19,10 +19,14 @@ PRIMITIVES = 5
 #: Limits of layer widths and of rounds, so that a damaged configuration cannot claim all memory.
 MAX_SIZE = 4096
 MAX_ROUNDS = 16
+#: Upper limit of visit_memory, nats: one visit then counts more than any preference.
+MAX_VISIT_MEMORY = 100.0
 #: Shapes of the CNN, see `FeatureExtractor`.
 CNNS = ("padded", "centred")
 #: Encodings of messages (see `payload`), with their numbers in `magat_interfaces/msg/Feature`.
 ENCODINGS = {"float32": 0, "float16": 1, "int8": 2}
+#: Fields of a configuration that may be changed after training.
+CHANGEABLE = ("temperature", "encoding", "visit_memory")
 #: The encodings by number.
 ENCODING_NAMES = {number: name for name, number in ENCODINGS.items()}
 
@@ -59,6 +63,9 @@ class PolicyConfig:
     #: Shape of the CNN: "centred" takes a third of the CPU time of "padded". Configurations that do not name it have
     #: "padded". GNN_baseline has a CNN of its own and ignores this.
     cnn: str = "padded"
+    #: What a robot subtracts from the log-probability of a primitive for each earlier visit of the cell that it leads
+    #: to, nats (see `magat_robot.policy.visit_memory`); 0: robots do not remember their visits.
+    visit_memory: float = 0.0
 
     def __post_init__(self) -> None:
         if not _NAME.fullmatch(self.name):
@@ -81,6 +88,8 @@ class PolicyConfig:
             raise ModelError(f"unknown encoding {self.encoding!r}: use one of {', '.join(ENCODINGS)}")
         if not 0.01 <= self.temperature <= 100:
             raise ModelError(f"temperature {self.temperature} is not within 0.01 and 100")
+        if not 0 <= self.visit_memory <= MAX_VISIT_MEMORY:
+            raise ModelError(f"visit_memory {self.visit_memory} is not within 0 and {MAX_VISIT_MEMORY:g}")
 
     @property
     def layer(self) -> LayerSpec:
@@ -129,15 +138,15 @@ class PolicyConfig:
         return int(self._part("heads") or 1)
 
     def with_changes(self, **changes: Any) -> "PolicyConfig":
-        """A copy with other values for fields that do not affect the weights: temperature, encoding.
+        """A copy with other values for fields that do not affect the weights: `CHANGEABLE`.
 
         Raises:
             ModelError: another field is given, or a value is out of range.
         """
-        fixed = changes.keys() - {"temperature", "encoding"}
+        fixed = changes.keys() - set(CHANGEABLE)
         if fixed:
             raise ModelError(
-                f"{', '.join(sorted(fixed))} cannot be changed after training: change temperature or encoding"
+                f"{', '.join(sorted(fixed))} cannot be changed after training: change one of {', '.join(CHANGEABLE)}"
             )
         return replace(self, **changes)
 
@@ -154,17 +163,17 @@ class PolicyConfig:
         """
         known = {field.name for field in fields(cls)}
         if isinstance(values, dict):
-            values = {"cnn": cls.cnn} | values  # older configurations do not name it
+            values = {"cnn": cls.cnn, "visit_memory": cls.visit_memory} | values  # older configurations lack these
         if not isinstance(values, dict) or set(values) != known:
             raise ModelError(f"policy configuration {values}: it must have exactly the keys {sorted(known)}")
         channels, sizes = values["channels"], [values[size] for size in ("hidden", "taps", "layers")]
         whole = isinstance(channels, list) and all(type(size) is int for size in [*channels, *sizes])
         texts = all(isinstance(values[text], str) for text in ("name", "cnn", "encoding"))
-        right = texts and type(values["normalise"]) is bool
-        if not (whole and right and type(values["temperature"]) in (int, float)):
+        numbers = all(type(values[number]) in (int, float) for number in ("temperature", "visit_memory"))
+        if not (whole and texts and numbers and type(values["normalise"]) is bool):
             raise ModelError(
                 f"unusable policy configuration {values}: sizes must be whole numbers; name, cnn and encoding "
-                "strings; normalise true or false, temperature a number"
+                "strings; normalise true or false; temperature and visit_memory numbers"
             )
         return cls(**values | {"channels": tuple(channels)})
 

@@ -10,6 +10,7 @@ from magat_robot.policy.config import PRIMITIVES
 from magat_robot.policy.folder import read_folder
 from magat_robot.policy.interface import Decision, LatentState
 from magat_robot.policy.sampling import choose, uniform
+from magat_robot.policy.visit_memory import lowered
 
 
 class EchoPolicy:
@@ -36,9 +37,15 @@ class EchoPolicy:
         """See `RobotPolicy.hear`."""
         return self._after(own.state + 1, len(own.messages))
 
-    def decide(self, own: LatentState, streams: npt.NDArray[np.uint64], tick: int) -> Decision:
+    def decide(
+        self,
+        own: LatentState,
+        streams: npt.NDArray[np.uint64],
+        tick: int,
+        visits: npt.NDArray[np.int64] | None = None,
+    ) -> Decision:
         """See `RobotPolicy.decide`."""
-        weights = np.ones((len(own.messages), PRIMITIVES))
+        weights = lowered(np.ones((len(own.messages), PRIMITIVES)), visits, self.config.visit_memory)
         return Decision(weights, choose(weights, uniform(streams, tick)))
 
     def _after(self, rounds: int, robots: int) -> LatentState:

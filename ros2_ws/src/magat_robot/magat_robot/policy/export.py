@@ -14,11 +14,11 @@ import torch
 from torch import Tensor, nn
 
 from magat_robot.policy import fixed_point as fp
-from magat_robot.policy.config import OBSERVATION_SHAPE, ModelError
-from magat_robot.policy.folder import EXPORT
+from magat_robot.policy.config import OBSERVATION_SHAPE
+from magat_robot.policy.folder import CONTENTS, EXPORT, EXPORT_VERSION, part_names
 from magat_robot.policy.network import NodeState, PolicyNetwork, to_fixed_point
 from magat_robot.policy.onnx_policy import (
-    CONTENTS,
+    ATTENTION,
     FIELD_OF_VIEW,
     MESSAGE,
     MESSAGES,
@@ -26,8 +26,6 @@ from magat_robot.policy.onnx_policy import (
     PRESENT,
     TEMPERATURE,
     WEIGHTS,
-    OnnxPolicy,
-    part_names,
 )
 from magat_robot.policy.store import load_network
 
@@ -61,23 +59,16 @@ def export(folder: Path) -> Path:
             }
             part = _Hear(network, number - 1, list(_fields(state)))
             inputs, state = _fields(state) | heard, network.hear(state, *heard.values())
+        attention = [ATTENTION] if number > 0 and network.config.communicates else []
         if state.rounds == network.rounds:
-            _write(draft / name, part, inputs | temperature, [WEIGHTS])
+            _write(draft / name, part, inputs | temperature, [WEIGHTS, *attention])
         else:
-            _write(draft / name, part, inputs, [*_fields(state), MESSAGE])
+            _write(draft / name, part, inputs, [*_fields(state), MESSAGE, *attention])
     files = {name: hashlib.sha256((draft / name).read_bytes()).hexdigest() for name in names}
-    (draft / CONTENTS).write_text(json.dumps({"weights": digest, "files": files}, indent=2) + "\n")
+    contents = {"version": EXPORT_VERSION, "weights": digest, "files": files}
+    (draft / CONTENTS).write_text(json.dumps(contents, indent=2) + "\n")
     shutil.rmtree(folder / EXPORT, ignore_errors=True)
     draft.rename(folder / EXPORT)
-    return folder / EXPORT
-
-
-def exported(folder: Path) -> Path:
-    """As `export`, but does nothing where an intact export of the same weights is there."""
-    try:
-        OnnxPolicy(folder)
-    except ModelError:
-        return export(folder)
     return folder / EXPORT
 
 
@@ -116,7 +107,10 @@ class _Hear(_Part):
         fields, (messages, present, *temperature) = inputs[: len(self.names)], inputs[len(self.names) :]
         known = dict(zip(self.names, fields, strict=True))
         state = NodeState(known["features"], self.rounds, known["x"], known.get("aggregated"), known["total"])
-        return self.outputs(self.network.hear(state, messages, present), temperature[0] if temperature else None)
+        outputs = self.outputs(self.network.hear(state, messages, present), temperature[0] if temperature else None)
+        if not self.network.config.communicates:
+            return outputs
+        return *outputs, self.network.attention(state, messages, present)
 
 
 def _write(path: Path, part: _Part, inputs: dict[str, Tensor], outputs: list[str]) -> None:
@@ -138,4 +132,7 @@ def _write(path: Path, part: _Part, inputs: dict[str, Tensor], outputs: list[str
             verbose=False,
         )
     assert program is not None
-    program.save(path)
+    model = program.model_proto
+    for described in (model, model.graph, *model.graph.node, *model.graph.value_info):
+        del described.metadata_props[:]  # traces of this machine's files
+    path.write_bytes(model.SerializeToString(deterministic=True))

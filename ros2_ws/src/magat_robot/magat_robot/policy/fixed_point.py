@@ -14,12 +14,18 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from magat_robot.policy.grids import ACTIVATION_BITS, ACTIVATION_MAX, EXPONENT_BITS, SIGNED_MAX, SUM_MAX
+from magat_robot.policy.grids import (
+    ACTIVATION_BITS,
+    ACTIVATION_MAX,
+    EXP_TABLE_BITS,
+    EXPONENT_BITS,
+    SIGNED_MAX,
+    SUM_MAX,
+    exp_table,
+)
 
-__all__ = ["ACTIVATION_BITS", "ACTIVATION_MAX", "EXPONENT_BITS", "SIGNED_MAX", "SUM_MAX"]
+__all__ = ["ACTIVATION_BITS", "ACTIVATION_MAX", "EXPONENT_BITS", "EXP_TABLE_BITS", "SIGNED_MAX", "SUM_MAX"]
 
-#: Values of exp() are rounded to multiples of 2**-EXP_TABLE_BITS.
-EXP_TABLE_BITS = 24
 #: Weights of layers computed in float64 are multiples of 2**-FLOAT64_WEIGHT_BITS, and their magnitudes add up to at
 #: most FLOAT64_WEIGHT_SUM. With inputs up to SUM_MAX in multiples of 2**-8, sums stay below 2**53 units.
 FLOAT64_WEIGHT_BITS = 16
@@ -136,7 +142,5 @@ def exp_weights(exponents: Tensor, present: Tensor | None = None) -> Tensor:
 
 @functools.cache
 def _exp_table() -> Tensor:
-    """``[n]`` float64, entry k is ``round(2**24 * exp(-k / 2**8))``; the last one is 0."""
-    size = math.ceil((EXP_TABLE_BITS + 1) * math.log(2) * 2**EXPONENT_BITS) + 1
-    values = [round(2**EXP_TABLE_BITS * math.exp(-k / 2**EXPONENT_BITS)) for k in range(size)]
-    return torch.tensor([*values, 0], dtype=torch.float64)
+    """`exp_table` as ``[n]`` float64."""
+    return torch.tensor(exp_table(), dtype=torch.float64)

@@ -17,6 +17,8 @@ from magat_robot.policy.layers import LAYERS, LayerSpec
 
 #: Slope of the LeakyReLU in Eq. 6 (the value of the GAT paper).
 LEAKY_SLOPE = 0.2
+# As a tensor, because torch's exporter would round a Python number to float32.
+_SLOPE = torch.tensor(LEAKY_SLOPE, dtype=torch.float64)
 
 _Layer = TypeVar("_Layer", bound="type[GraphLayer]")
 _classes: dict[str, "type[GraphLayer]"] = {}
@@ -135,7 +137,9 @@ class ScoredAttention(GraphLayer):
     def attention(self, x: Tensor, keys: Tensor, present: Tensor) -> tuple[Tensor, Tensor]:
         """Softmax over the messages of each receiver; see `GraphLayer.attention`."""
         scores = self.scores(x, keys)
-        scores = torch.maximum(scores, LEAKY_SLOPE * scores)  # LeakyReLU, in operators that all backends have
+        scores = torch.maximum(
+            scores, _SLOPE.to(scores.dtype) * scores
+        )  # LeakyReLU, in operators that all backends have
         present = present[:, None, :].expand_as(scores)
         if self.exact:
             weights = fp.exp_weights(fp.snap(scores, fp.EXPONENT_BITS, -1e6, 1e6), present)

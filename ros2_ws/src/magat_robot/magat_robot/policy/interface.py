@@ -8,12 +8,15 @@ import numpy.typing as npt
 
 from magat_robot.policy.config import OBSERVATION_SHAPE, PolicyConfig
 
+#: Robots in one batch of the CNN: larger batches exceed the processor's cache.
+CHUNK = 256
+
 
 @dataclass(frozen=True)
 class LatentState:
     """The state of R robots between two rounds of messages, with the messages that they send next."""
 
-    #: State of the network in the backend's own form (`NodeState` in torch); never sent.
+    #: State of the network in the backend's own form, a dataclass (`NodeState` in torch); never sent.
     state: Any
     #: ``[R, n]`` float32, n of `PolicyConfig.message_sizes`: the message of each robot in the next round; n is 0 after
     #: the last round. In the first round it is the features x, which float16 represents exactly.
@@ -65,13 +68,20 @@ class RobotPolicy(Protocol):
             present: ``[R, M]`` which of the M places hold a message.
         """
 
-    def decide(self, own: LatentState, streams: npt.NDArray[np.uint64], tick: int) -> Decision:
+    def decide(
+        self,
+        own: LatentState,
+        streams: npt.NDArray[np.uint64],
+        tick: int,
+        visits: npt.NDArray[np.int64] | None = None,
+    ) -> Decision:
         """Weigh the primitives after the last round and draw one a robot.
 
         Args:
             own: state of the R robots after the last round.
             streams: ``[R]`` seeds of the robots' random streams.
             tick: from 0; each tick has its own draw.
+            visits: ``[R, 5]`` earlier visits of the cells that the primitives lead to, see `VisitMemory`; None: none.
         """
 
 

@@ -1,12 +1,13 @@
 """A cache for `RobotPolicy.perceive`: fields of view that were there in the call before are not computed again."""
 
 from collections.abc import Callable
+from dataclasses import fields
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from magat_robot.policy.interface import LatentState
-from magat_robot.policy.network import NodeState
 
 
 class LatentCache:
@@ -40,13 +41,16 @@ def _replaced(
     known: LatentState, rows: npt.NDArray[np.int64], fresh: npt.NDArray[np.int64], new: LatentState
 ) -> LatentState:
     """The ``rows`` of ``known``, with ``new`` in the places ``fresh``; all states are before the first round."""
+
+    def merged(old: Any, now: Any) -> Any:
+        if old is None or isinstance(old, int):
+            return old
+        values = old[rows]
+        values[fresh] = now
+        return values
+
     old, now = known.state, new.state
-    tensors = []
-    for name in ("features", "x", "total"):
-        tensor = getattr(old, name)[rows]
-        tensor[fresh] = getattr(now, name)
-        tensors.append(tensor)
-    messages = known.messages[rows]
-    messages[fresh] = new.messages
-    features, x, total = tensors
-    return LatentState(NodeState(features, 0, x, None, total), messages)
+    state = type(old)(
+        **{field.name: merged(getattr(old, field.name), getattr(now, field.name)) for field in fields(old)}
+    )
+    return LatentState(state, merged(known.messages, new.messages))

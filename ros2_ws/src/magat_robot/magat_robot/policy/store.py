@@ -6,6 +6,7 @@ A policy folder holds ``model.safetensors`` (weights), ``config.json`` and ``car
 
 import hashlib
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from safetensors.torch import load as load_tensors
 from safetensors.torch import save as save_tensors
 
 from magat_robot.policy.config import ModelError
-from magat_robot.policy.folder import CARD, CONFIG, WEIGHTS, read_folder
+from magat_robot.policy.folder import CARD, CONFIG, EXPORT, WEIGHTS, read_folder
 from magat_robot.policy.network import PolicyNetwork
 from magat_robot.policy.policy import Policy
 
@@ -22,8 +23,12 @@ __all__ = ["CARD", "CONFIG", "WEIGHTS", "load", "load_network", "save"]
 
 
 def save(network: PolicyNetwork, folder: Path, card: str) -> str:
-    """Write ``network`` and its ``card`` to ``folder``; returns the digest of the weights (SHA-256, hexadecimal)."""
+    """Write ``network`` and its ``card`` to ``folder``; returns the digest of the weights (SHA-256, hexadecimal).
+
+    The exported form of earlier weights is removed: `magat_robot.policy.export` makes that of these.
+    """
     folder.mkdir(parents=True, exist_ok=True)
+    shutil.rmtree(folder / EXPORT, ignore_errors=True)
     weights = save_tensors({name: tensor.contiguous() for name, tensor in network.state_dict().items()})
     digest = hashlib.sha256(weights).hexdigest()
     (folder / WEIGHTS).write_bytes(weights)
@@ -53,7 +58,7 @@ def load(folder: Path, **changes: Any) -> Policy:
 
     Args:
         folder: policy folder.
-        changes: values for the fields of its configuration that do not affect the weights: temperature, encoding.
+        changes: values for the fields of its configuration that do not affect the weights, see `CHANGEABLE`.
 
     Raises:
         ModelError: as `load_network`; or a change is out of range; or the weights are not finite, or too large for

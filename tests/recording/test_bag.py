@@ -16,8 +16,9 @@ from visualization_msgs.msg import Marker, MarkerArray
 from magat_interfaces.msg import Feature, Preference
 from magat_node import qos
 from magat_node.topics import TeamTopic, team_topics
-from magat_recording.bag import BagError, BagWriter, bag_span, bag_topics, continuation, read_bag, recover
+from magat_recording.bag import BagError, BagWriter, bag_span, bag_topics, read_bag
 from magat_recording.definitions import described
+from magat_recording.recovery import continuation, recover
 
 SECOND = 10**9
 TOPICS = [TeamTopic("feature", Feature, qos.newest(4)), TeamTopic("markers", MarkerArray, qos.latched(1))]

@@ -317,8 +317,8 @@ def test_a_bag_of_an_older_version_is_refused(simulate, small_policy, monkeypatc
     made = simulate(small_policy(), episodes=1)
     messages = [
         one._replace(message=SimpleNamespace(episode=1, tick=0)) if one.type.endswith("/World") else one
-        for one in tables.read_bag(made.bag)
+        for one in tables.read_recording(made.bag)
     ]
-    monkeypatch.setattr(tables, "read_bag", lambda bag: messages)
+    monkeypatch.setattr(tables, "read_recording", lambda bag: messages)
     with pytest.raises(BagError, match="older version"):
         TeamRecording(made.bag)

@@ -27,7 +27,8 @@ from magat_interfaces.msg import Deployment, World
 from magat_node import qos
 from magat_node.errors import TeamError
 from magat_node.topics import RECORDER_READY
-from magat_recording.bag import BagError, bag_files, read_bag, recover
+from magat_recording.bag import BagError, bag_files, read_bag
+from magat_recording.recovery import recover
 from magat_recording.tables import TeamRecording
 from magat_robot.policy.folder import read_files
 from magat_robot.policy.models import find_policy

@@ -2,7 +2,8 @@
 
 from magat_bringup.run_plan import RunPlan
 from magat_bringup.team import TeamPlan
-from magat_recording.bag import BagError, continuation
+from magat_recording.bag import BagError
+from magat_recording.recovery import continuation
 from magat_robot.policy.folder import read_folder
 from magat_sim.case import InvalidCaseError, draw_case
 

@@ -13,6 +13,7 @@ from magat_bringup import log_lines
 from magat_bringup.checks import check_run
 from magat_bringup.client import EpisodeClient, EpisodeError, EpisodeOutcome
 from magat_bringup.environment import LOOPBACK, Network, network_for, own_domain
+from magat_bringup.other_teams import refuse_other_team
 from magat_bringup.processes import TeamProcesses
 from magat_bringup.results import LEGEND, RunResults
 from magat_bringup.run_folder import ANIMATION, LOGS, PICTURE, begin, run_folder
@@ -24,6 +25,7 @@ from magat_node.progress import progress_bars
 from magat_pictures.animation import save_animation
 from magat_pictures.drawn_episode import DrawnEpisode
 from magat_pictures.picture import save_picture
+from magat_recording.recovery import describe_recording, is_finished
 from magat_viewer.address import HOST as PAGE_HOST
 
 
@@ -37,7 +39,7 @@ def run(plan: RunPlan, team: TeamPlan, console: Console) -> list[RunEpisode.Resu
             a file could not be written.
         TeamError: a process ended, or an episode could not be run for a reason that is not its case.
         NetworkError: there is no such interface.
-        NoDomainError: the ROS domain is taken.
+        NoDomainError: the ROS domain is taken, by another run or by a team that was started otherwise.
         KeyboardInterrupt: interrupted; no process is left behind.
     """
     check_run(plan, team)
@@ -48,16 +50,22 @@ def run(plan: RunPlan, team: TeamPlan, console: Console) -> list[RunEpisode.Resu
             last = _run_team(plan, team, folder, results, console)
         finally:
             # Where standard output was closed, as by `| head`, rich writes nothing to it any more.
-            _show(plan, results, Console(stderr=True) if console.quiet else console)
+            open_console = Console(stderr=True) if console.quiet else console
+            _show(plan, results, open_console)
+            if team.record is not None and team.record.is_dir():
+                for line in describe_recording(team.record):
+                    open_console.print(line, highlight=False, soft_wrap=True)
         if last is not None:
             _draw(plan, team, last, folder, console)
-        if team.record is not None:
-            console.print(f"The recording is in {team.record}: analyse it by `magat analyze {team.record}`.")
         not_run = [case for case, result in results.rows if result.error]
         if not_run:
             raise MagatError(f"{len(not_run)} of {plan.episodes} episodes were not run: {', '.join(not_run)}")
         if results.problem:
             raise MagatError(results.problem)
+        if team.record is not None and not is_finished(team.record):
+            raise MagatError(
+                f"the recording in {team.record} was not finished: its recorder failed, see the lines above"
+            )
     return results.run
 
 
@@ -67,11 +75,13 @@ def _run_team(
     """Start the team, run the episodes, and end the team; returns the outcome of the last episode that was run."""
     crews = team.team
     processes = "one process each" if crews.crew == 1 else f"in {crews.processes} processes"
-    with own_domain(plan.domain) as domain:
+    with own_domain(plan.domain, team.namespace) as domain:
         network = network_for(domain, team.nodes, plan.interface)
         team = replace(team, server=bool(network.server))
         environment = network.variables
         os.environ.update(environment)  # for the client, which is in this process
+        if not network.server:  # a server's team consists of those that use it
+            refuse_other_team(domain, team.namespace)
         place = "on this machine only" if network.address == LOOPBACK else f"open to the network at {network.address}"
         console.print(
             f"[bold]{len(crews.robots)} robots[/], {processes}, with the policy [bold]{team.policy.name}[/] "
@@ -87,14 +97,17 @@ def _run_team(
         begin(folder, newest=plan.output is None)
         with (
             TeamProcesses(team, folder / LOGS, environment, show) as running,
-            EpisodeClient(running, domain) as client,
+            EpisodeClient(running, domain, team.namespace) as client,
             progress_bars(console) as progress,
         ):
             if team.record is not None:
                 task = progress.add_task("the recorder joins the team", total=None)
                 client.wait_for_recorder()
                 progress.remove_task(task)
-            return _run_episodes(plan, team, client, progress, results)
+            last = _run_episodes(plan, team, client, progress, results)
+        if "recorder" in running.given_up:
+            results.problem = f"the recording is not complete: the recorder {running.given_up['recorder']}"
+        return last
 
 
 def _invite(team: TeamPlan, network: Network, console: Console) -> None:

@@ -1,4 +1,4 @@
-"""Reading, writing and recovering rosbag2 bags: folders with an MCAP file and metadata.yaml.
+"""Reading and writing rosbag2 bags: folders with an MCAP file and metadata.yaml.
 
 Messages are written serialised and read decoded. Free of ROS, because the file itself has the message definitions.
 """
@@ -6,8 +6,8 @@ Messages are written serialised and read decoded. Free of ROS, because the file 
 import os
 import struct
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, Self
@@ -15,8 +15,8 @@ from typing import Any, NamedTuple, Self
 import yaml
 from mcap.exceptions import McapError
 from mcap.reader import SeekingReader
-from mcap.records import Channel, Chunk, McapRecord, Message, Schema
-from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
+from mcap.records import Channel, Message, Schema
+from mcap.stream_reader import CRCValidationError
 from mcap.writer import Writer
 from mcap_ros2.decoder import DecoderFactory
 from zstandard import ZstdError
@@ -29,7 +29,7 @@ SERIALIZATION, DEFINITIONS = "cdr", "ros2msg"
 OFFERED_QOS, TYPE_HASH = "offered_qos_profiles", "topic_type_hash"
 
 #: Errors of the MCAP library for files that are cut off or damaged.
-_DAMAGE = (McapError, CRCValidationError, ZstdError, struct.error, ValueError, KeyError, EOFError, MemoryError)
+DAMAGE = (McapError, CRCValidationError, ZstdError, struct.error, ValueError, KeyError, EOFError, MemoryError)
 
 
 class BagError(MagatError, ValueError):
@@ -78,6 +78,8 @@ class BagWriter:
     _channels: dict[str, int] = field(default_factory=dict)
     _first: int = 0
     _last: int = 0
+    #: Whether a write failed. Nothing more is written then.
+    failed: bool = False
 
     def __post_init__(self) -> None:
         """Create the folder.
@@ -91,10 +93,18 @@ class BagWriter:
             raise BagError(f"{self.folder} exists already: remove it, or record to another folder") from error
         except OSError as error:
             raise BagError(f"{self.folder} cannot be created: {error.strerror}") from error
-        self._file = (self.folder / f"{self.folder.resolve().name}_0.mcap").open("wb")
-        self._writer = Writer(self._file)
-        self._writer.start(profile="ros2")
-        self._writer.flush()  # so that even an empty bag is a valid MCAP file
+        path = self.folder / f"{self.folder.resolve().name}_0.mcap"
+        try:
+            self._file = path.open("wb")
+            self._writer = Writer(self._file)
+            self._writer.start(profile="ros2")
+            self._writer.flush()  # so that even an empty bag is a valid MCAP file
+        except OSError as error:  # nothing may stay that is no bag
+            with suppress(OSError):
+                self._file.close()
+            path.unlink(missing_ok=True)
+            self.folder.rmdir()
+            raise BagError(f"{self.folder} cannot be created: {error.strerror}") from error
 
     @property
     def messages(self) -> int:
@@ -117,22 +127,47 @@ class BagWriter:
         self._topics[topic.name] = topic
 
     def write(self, topic: str, data: bytes, received: int, sent: int) -> None:
-        """Add a serialised message of a known topic; times are nanoseconds since 1970."""
+        """Add a serialised message of a known topic; times are nanoseconds since 1970.
+
+        Raises:
+            BagError: the file cannot be written, e.g. because the disk is full.
+        """
         self._counts[topic] += 1
         self._first = min(self._first or received, received)
         self._last = max(self._last, received)
-        self._writer.add_message(self._channels[topic], received, data, sent, self._counts[topic])
+        try:
+            self._writer.add_message(self._channels[topic], received, data, sent, self._counts[topic])
+        except OSError as error:
+            raise self._failure(error) from error
 
     def flush(self) -> None:
-        """Pass all messages written so far to the operating system."""
-        self._writer.flush()
+        """Pass all messages written so far to the operating system; errors as of `write`."""
+        try:
+            self._writer.flush()
+        except OSError as error:
+            raise self._failure(error) from error
 
     def close(self) -> None:
-        """Write the index and metadata.yaml; safe to call twice."""
-        if not self._file.closed:
+        """Write the index and metadata.yaml, unless a write failed; safe to call twice. Errors as of `write`."""
+        if self._file.closed:
+            return
+        if self.failed:
+            with suppress(OSError):  # of what is still to be written
+                self._file.close()
+            return
+        try:
             self._writer.finish()
             self._file.close()
             (self.folder / METADATA).write_text(yaml.safe_dump(self._metadata(), sort_keys=False))
+        except OSError as error:
+            raise self._failure(error) from error
+
+    def _failure(self, error: OSError) -> "BagError":
+        self.failed = True
+        return BagError(
+            f"{self.folder} cannot be written ({error.strerror}): the recording ends after {self.messages} messages. "
+            f"`magat recover {self.folder}` saves what is there"
+        )
 
     def _metadata(self) -> dict[str, Any]:
         """The contents of metadata.yaml, in rosbag2's version of ROS 2 Jazzy."""
@@ -193,18 +228,41 @@ def bag_files(bag: Path) -> list[Path]:
 
 
 def read_bag(bag: Path) -> Iterator[BagMessage]:
-    """The messages of a bag, in the order of their arrival.
+    """The messages of a bag, in the order of their arrival; without those that cannot be decoded, see `MessageDecoder`.
 
     Raises:
         BagError: the bag does not exist, was not closed, or is damaged.
     """
     for path in bag_files(bag):
+        decoder = MessageDecoder()
         with path.open("rb") as file, _as_bag_error(path, bag):
-            reader = SeekingReader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
-            for schema, channel, message, decoded in reader.iter_decoded_messages():
+            for schema, channel, message in SeekingReader(file, validate_crcs=True).iter_messages():
                 assert schema is not None  # a message without a schema cannot be decoded
-                times = message.log_time, message.publish_time
-                yield BagMessage(channel.topic, schema.name, *times, message.data, decoded)
+                decoded = decoder.decode(schema, channel, message)
+                if decoded is not None:
+                    yield decoded
+
+
+class MessageDecoder:
+    """Decodes the messages of one file. A recorder also stores what strangers sent, of which some is malformed."""
+
+    def __init__(self) -> None:
+        """Start without any type."""
+        self._factory = DecoderFactory()
+        self._decoders: dict[int, Callable[[bytes], Any] | None] = {}
+
+    def decode(self, schema: Schema, channel: Channel, message: Message) -> BagMessage | None:
+        """The message; None if it is malformed."""
+        if schema.id not in self._decoders:
+            self._decoders[schema.id] = self._factory.decoder_for(channel.message_encoding, schema)
+        decoder = self._decoders[schema.id]
+        if decoder is None:
+            raise BagError(f"messages of {schema.name} have the unknown encoding {channel.message_encoding}")
+        try:
+            decoded = decoder(message.data)
+        except Exception:  # the decoder fails in many ways
+            return None
+        return BagMessage(channel.topic, schema.name, message.log_time, message.publish_time, message.data, decoded)
 
 
 def bag_topics(bag: Path) -> dict[str, str]:
@@ -243,16 +301,16 @@ def bag_span(bag: Path) -> tuple[int, int, int]:
 def _as_bag_error(path: Path, bag: Path) -> Iterator[None]:
     """Turns errors of the MCAP library into a `BagError`."""
     try:
-        if not _finished(path):
+        if not finished(path):
             raise BagError(f"{path} was not closed because its recorder was killed: run `magat recover {bag}` first")
         yield
     except BagError:
         raise
-    except _DAMAGE as error:
+    except DAMAGE as error:
         raise BagError(f"{path} is damaged ({error}): run `magat recover {bag}` to save the rest") from error
 
 
-def _finished(path: Path) -> bool:
+def finished(path: Path) -> bool:
     """Whether the file was closed.
 
     Raises:
@@ -264,80 +322,3 @@ def _finished(path: Path) -> bool:
             raise BagError(f"{path} is not an MCAP file")
         file.seek(-len(magic), os.SEEK_END)
         return file.tell() > 0 and file.read() == magic
-
-
-# --- Recovery ---
-
-
-def continuation(folder: Path) -> Path:
-    """The folder for a recorder that is given ``folder``: FOLDER_2 and so on if a recorder was killed before."""
-    chosen, number = folder, 1
-    while chosen.is_dir() and any(not _finished(path) for path in chosen.glob("*.mcap")):
-        number += 1
-        chosen = folder.with_name(f"{folder.name}_{number}")
-    return chosen
-
-
-class Recovered(NamedTuple):
-    """The result of `recover`."""
-
-    messages: int
-    #: Chunks that could not be read, each of at most a quarter of a second (see `magat_recording.recorder`).
-    damaged: int
-
-
-def recover(bag: Path, into: Path) -> Recovered:
-    """Copy all readable messages of a bag to a new one, with index and metadata.yaml.
-
-    Raises:
-        BagError: nothing is readable, or ``into`` exists already.
-    """
-    topics = {path: _topics_of(path) for path in bag_files(bag)}
-    if not any(topics.values()):
-        raise BagError(f"{bag} has no readable message: it is cut off or damaged before the first one")
-    damaged: list[int] = []
-    with BagWriter(into) as writer:
-        for topic in {topic.name: topic for known in topics.values() for topic in known.values()}.values():
-            writer.add_topic(topic)
-        for path, known in topics.items():
-            for record in _readable(path, damaged):
-                if isinstance(record, Message) and record.channel_id in known:
-                    writer.write(known[record.channel_id].name, record.data, record.log_time, record.publish_time)
-        return Recovered(writer.messages, len(damaged))
-
-
-def _topics_of(path: Path) -> dict[int, Topic]:
-    """The topics of a file by channel. A file that was closed repeats them at its end.
-
-    Raises:
-        BagError: it is not an MCAP file.
-    """
-    _finished(path)
-    records = [record for record in _readable(path, []) if isinstance(record, Schema | Channel)]
-    schemas = {record.id: record for record in records if isinstance(record, Schema)}
-    topics = {}
-    for record in records:
-        if isinstance(record, Channel) and record.schema_id in schemas:
-            schema = schemas[record.schema_id]
-            metadata = (record.metadata.get(key, "") for key in (TYPE_HASH, OFFERED_QOS))
-            topics[record.id] = Topic(record.topic, schema.name, schema.data.decode(), *metadata)
-    return topics
-
-
-def _readable(path: Path, damaged: list[int]) -> Iterator[McapRecord]:
-    """The records of a file, as far as it is readable; appends the times of damaged chunks to ``damaged``."""
-    with path.open("rb") as file:
-        records = StreamReader(file, emit_chunks=True, record_size_limit=path.stat().st_size).records
-        try:
-            for record in records:
-                if not isinstance(record, Chunk):
-                    yield record
-                    continue
-                try:
-                    contents = breakup_chunk(record, validate_crc=True)
-                except _DAMAGE:
-                    damaged.append(record.message_start_time)
-                else:
-                    yield from contents
-        except _DAMAGE:
-            return

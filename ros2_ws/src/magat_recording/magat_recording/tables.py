@@ -5,8 +5,9 @@ from instant ``tick`` to ``tick + 1``: observations and decisions before the ste
 sender. The sender is found by its tag, because each tag is in the recorded observation of one robot only.
 """
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +16,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from magat_recording.bag import BagError, BagMessage, read_bag
+from magat_node.errors import UnusableMessageError
+from magat_recording.bag import BagError, BagMessage
+from magat_recording.recovery import read_recording
 from magat_recording.world_log import WorldLog
 from magat_sim.shield import blocked
 
@@ -61,29 +64,36 @@ class TeamRecording:
     """The recording of a team. Each table is computed once, on first access."""
 
     def __init__(self, bag: Path) -> None:
-        """Read ``bag``.
+        """Read ``bag``, with the other pieces of the recording if its recorder was killed (`magat_recording.recovery`).
 
         Raises:
             BagError: it cannot be read, it has no complete episode, or it is of an older version.
         """
-        self._messages = list(read_bag(bag))
+        self._messages = list(read_recording(bag))
         worlds = [message for message in self._messages if _kind(message) == "World"]
         if worlds and not hasattr(worlds[0].message, "action"):
             raise BagError(f"{bag} was recorded by an older version, without the field World.action: record it again")
         logs: dict[int, WorldLog] = {}
         for world in worlds:
             number = world.message.episode
-            logs.setdefault(number, WorldLog(number)).worlds[world.message.tick] = world.message
-        complete = [log for log in logs.values() if log.complete]
+            with suppress(UnusableMessageError):  # of a stranger
+                logs.setdefault(number, WorldLog(number)).add(world.message)
+        complete = [log for log in logs.values() if log.worlds and log.complete]
         if not complete:
             raise BagError(
                 f"{bag} has no complete episode ({len(worlds)} of its {len(self._messages)} messages are worlds): "
                 "start the recording before the episode"
             )
+        # Strangers may have begun episodes with other robots. The team is the one that made most of the ticks.
+        ticks: Counter[tuple[str, ...]] = Counter()
+        for log in complete:
+            ticks[tuple(log.robots)] += len(log.worlds)
+        names = list(ticks.most_common(1)[0][0])
+        complete = [log for log in complete if log.robots == names]
         #: Number of episodes that are ignored because a World message is missing: most began before the recording.
         self.incomplete_episodes = len(logs) - len(complete)
         #: Names of the robots, in the simulator's order.
-        self.names = complete[0].robots
+        self.names = names
         self._by_id = {log.episode: RecordedEpisode(number, log) for number, log in enumerate(complete)}
         #: All RobotStatus messages.
         self.statuses = [message for message in self._messages if _kind(message) == "RobotStatus"]

@@ -18,7 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: Options, console: "Console") -> int:
     """Run the verb; returns the exit status."""
-    from magat_recording.bag import recover
+    from magat_recording.recovery import recover
 
     bag: Path = options.bag
     output = options.output or bag.with_name(f"{bag.resolve().stem}_recovered")

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from magat_robot.crew import Answer, Crew, Message, ReceivedObservation
 from magat_robot.policy.config import ENCODINGS
+from magat_robot.policy.interface import Decision
 from magat_robot.policy.payload import encoded_bytes, round_trip
-from magat_robot.policy.policy import Decision, Policy
+from magat_robot.policy.policy import Policy
 from magat_sim.relay import Relay
 from magat_sim.simulator import Observation
 
@@ -114,7 +115,7 @@ class Team:
 
     def _hand_on(self) -> None:
         number = self.relay.round
-        for robot, bundle in enumerate(self.relay.bundles(self.rng)):
+        for robot, bundle in enumerate(self.relay.bundles()):
             crew, place = self.crew_of(robot)
             at = (EPISODE, self.messages[-1].tick, number)
             hear = partial(self.crews[crew].hear_bundle, place, *at, bundle.payloads)

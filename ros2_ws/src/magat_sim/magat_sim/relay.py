@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
+from magat_node.unpredictable import shuffled
 
 
 class Bundle(NamedTuple):
@@ -50,7 +50,7 @@ class Relay:
         """Whether the messages of all present robots have come in this round."""
         return self._expected <= self._sent.keys()
 
-    def bundles(self, shuffle: np.random.Generator) -> list[Bundle]:
+    def bundles(self) -> list[Bundle]:
         """End the round: the messages that each of the N robots hears, in random order.
 
         A bundle has one encoding and one payload size. Payloads that differ from the majority are left out; the robots
@@ -61,5 +61,4 @@ class Relay:
         good = {robot: data for robot, (encoding, data) in self._sent.items() if (encoding, len(data)) == common}
         self.round += 1
         self._sent = {}
-        heard = [shuffle.permutation([j for j in hears if j in good]) for hears in self._hears]
-        return [Bundle(common[0], [good[j] for j in order]) for order in heard]
+        return [Bundle(common[0], shuffled(good[j] for j in hears if j in good)) for hears in self._hears]

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from magat_node.unpredictable import random_tags, shuffled
 from magat_sim.case import Case
 from magat_sim.field_of_view import Uint8Array
 from magat_sim.grid import DELTAS, BoolArray, IntArray
@@ -70,10 +71,8 @@ class DistributedEpisode:
         self.simulator = Simulator([case], [t_max], [streams], rules)
         self.robots = case.robots
         self.silent = self.features_missing = self.feature_bytes = self.answers = 0
-        self._tags = streams.tags
         self._preferences: dict[int, ReceivedPreference] = {}
         self._robot_of: dict[int, int] = {}
-        self._expected: list[int] = []
         self._audible: IntArray = np.zeros(0, dtype=np.int64)
         self._links = 0
 
@@ -81,24 +80,25 @@ class DistributedEpisode:
         """Start a tick: the observations of N robots. Those that are not ``present`` (``[N]`` bool) send nothing."""
         present = np.asarray(present, dtype=bool)
         observation = self.simulator.observe()
-        tags = self._tags.integers(1, 2**64, size=self.robots, dtype=np.uint64)
+        tags = random_tags(self.robots)
         heard = np.where(present[np.maximum(observation.heard, 0)], observation.heard, -1)
-        audible = [tags[row[row >= 0]] for row in heard]
-        self._robot_of = {int(tag): robot for robot, tag in enumerate(tags)}
-        self.relay = Relay(tags.tolist(), [row[row >= 0].tolist() for row in heard], present.tolist())
+        hears = [row[row >= 0].tolist() for row in heard]
+        audible = [shuffled(tags[j] for j in row) for row in hears]
+        self._robot_of = {tag: robot for robot, tag in enumerate(tags)}
+        self.relay = Relay(tags, hears, present.tolist())
         self._preferences = {}
         self._audible = np.array([len(a) for a in audible])
         self._links = int(self._audible[present].sum())
         return [
-            RobotObservation(view, int(tag), self._tags.permutation(hears).tolist(), int(stream))
-            for view, tag, hears, stream in zip(
+            RobotObservation(view, tag, announced, int(stream))
+            for view, tag, announced, stream in zip(
                 observation.field_of_view, tags, audible, observation.streams, strict=True
             )
         ]
 
     def relayed(self) -> list[Bundle]:
         """End a round of the relayed radio: the messages that each of the N robots hears."""
-        return self.relay.bundles(self._tags)
+        return self.relay.bundles()
 
     def answer(self, tag: int, preference: ReceivedPreference) -> str | None:
         """Take the preference sent under ``tag``; returns None, or why it was dropped."""

@@ -46,7 +46,7 @@ def team_file(tmp_path) -> Callable:
 
 
 def test_a_team_is_read_from_a_file(team_file):
-    assert TeamFile.read(team_file("robots: [alice, team/bob]\ncrew: 2")) == TeamFile(("alice", "team/bob"), 2)
+    assert TeamFile.read(team_file("robots: [alice, bob]\ncrew: 2")) == TeamFile(("alice", "bob"), 2)
     assert TeamFile.read(team_file("robots: [alice]")).crew == 1
 
 
@@ -74,6 +74,8 @@ def test_numbered_robots_sort_by_name():
         ("robots: [3po]", "the robot name '3po' is invalid"),
         ("robots: [a-b]", "the robot name 'a-b' is invalid"),
         ("robots: [/alice]", "the robot name '/alice' is invalid"),
+        ("robots: [red/r0, red/r1]", "give a name without slashes, and put the whole team into a namespace"),
+        ("robots: [a__b]", "the robot name 'a__b' is invalid"),
         ("robots: [alice, bob, alice]", "alice: named more than once"),
         ("robots: [alice]\ncrew: 0", "the crew is 0"),
         ("robots: [alice]\ncrew: many", "the crew is 'many'"),

@@ -96,21 +96,22 @@ def test_obstacles_starts_and_goals_are_spread_evenly_over_the_map() -> None:
 
 
 @pytest.mark.parametrize(
-    "size",
+    ("size", "said"),
     [
-        {"robots": 401, "density": 0.0},
-        {"robots": 361},
-        {"robots": 0},
-        {"width": 0},
-        {"height": -3},
-        {"density": 1.0},
-        {"density": -0.1},
-        {"density": float("nan")},
-        {"density": float("inf")},
+        ({"robots": 401, "density": 0.0}, "robots do not fit"),
+        ({"robots": 361}, "robots do not fit"),
+        ({"density": 1.0}, "robots do not fit"),
+        ({"robots": 0}, "a case of 0 robots: ask for at least 1"),
+        ({"width": 0}, "a map of 0x20 cells has no cells"),
+        ({"height": -3}, "a map of 20x-3 cells has no cells"),
+        ({"density": -0.1}, "the obstacle density is -0.1: give a share of the cells"),
+        ({"density": 1.5}, "the obstacle density is 1.5"),
+        ({"density": float("nan")}, "the obstacle density is nan"),
+        ({"density": float("inf")}, "the obstacle density is inf"),
     ],
 )
-def test_a_case_that_cannot_be_drawn_is_refused(size: dict) -> None:
-    with pytest.raises(InvalidCaseError, match="robots do not fit"):
+def test_a_case_that_cannot_be_drawn_is_refused(size: dict, said: str) -> None:
+    with pytest.raises(InvalidCaseError, match=said):
         draw_case(0, 0, **size)
 
 

@@ -53,9 +53,9 @@ class EpisodeError(TeamError):
 class EpisodeClient(Visitor):
     """Runs episodes on a team, in a ``with`` statement; Ctrl-C and SIGTERM raise KeyboardInterrupt while it waits."""
 
-    def __init__(self, team: TeamProcesses, domain: int) -> None:
-        """Join ROS domain ``domain``; ``team`` is watched while waiting."""
-        super().__init__("episode_client", domain=domain)
+    def __init__(self, team: TeamProcesses, domain: int, namespace: str = "") -> None:
+        """Join the team in ``namespace`` and ROS domain ``domain``; its processes are watched while waiting."""
+        super().__init__("episode_client", namespace or "/", domain)
         self._team = team
         self._action = ActionClient(self.node, RunEpisode, "run_episode")
         #: The episode's id is in its result only, so the worlds of others that speak in its name are kept apart.

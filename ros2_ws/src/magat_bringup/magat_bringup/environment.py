@@ -1,13 +1,12 @@
 """The network of a team: by default its messages reach only processes of this run on this machine."""
 
-import fcntl
+import errno
 import os
 import socket
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import gettempdir
 
 import psutil
 from ament_index_python.packages import get_package_share_directory
@@ -135,32 +134,51 @@ def address_of(interface: str) -> str:
 
 
 @contextmanager
-def own_domain(wanted: int | None = None) -> Iterator[int]:
+def own_domain(wanted: int | None = None, namespace: str = "") -> Iterator[int]:
     """A ROS domain that no other run on this machine uses; released at the end of the run.
+
+    Without ``wanted`` it is one in which no other process of this machine has a node, either.
 
     Args:
         wanted: this domain and no other.
+        namespace: of the run's team, see `magat_node.names.team_namespace`. Teams of different namespaces can share
+            the domain ``wanted``.
 
     Raises:
         NoDomainError: this domain, or every domain, is in use.
     """
-    # The process id spreads the runs of users that cannot see each other's locks.
-    first = os.getpid() % len(DOMAINS)
-    for domain in [*DOMAINS[first:], *DOMAINS[:first]] if wanted is None else [wanted]:
-        try:
-            lock = os.open(Path(gettempdir()) / f"magat-domain-{domain}.lock", os.O_CREAT | os.O_RDWR, 0o666)
-        except PermissionError:
-            continue
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            os.close(lock)
-            continue
-        try:
+    if wanted is not None:
+        free, name = [wanted], f"{wanted}{namespace}"
+    else:
+        ports = _bound_ports()
+        # The process id spreads runs that start at once.
+        first = os.getpid() % len(DOMAINS)
+        free, name = [domain for domain in [*DOMAINS[first:], *DOMAINS[:first]] if not occupied(domain, ports)], ""
+    for domain in free:
+        # An abstract socket is no file: the kernel removes it with its process, and any user may use the name next.
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as claim:
+            try:
+                claim.bind(f"\0magat-domain-{name or domain}")
+            except OSError as error:
+                if error.errno != errno.EADDRINUSE:
+                    raise
+                continue
             yield domain
-        finally:
-            os.close(lock)
         return
     if wanted is not None:
-        raise NoDomainError(f"the ROS domain {wanted} is in use by another run: end that, or give another domain")
+        where = f" under the namespace {namespace}" if namespace else ""
+        raise NoDomainError(
+            f"the ROS domain {wanted} is in use by another run{where}: end that, or give another domain or namespace"
+        )
     raise NoDomainError(f"the ROS domains {', '.join(map(str, DOMAINS))} are all in use: end other runs")
+
+
+def occupied(domain: int, ports: Collection[int] | None = None) -> bool:
+    """Whether a process of this machine has a node in ``domain``, by the UDP ``ports`` that are bound."""
+    own = range(_FIRST_PORT + _PORTS * domain, _FIRST_PORT + _PORTS * (domain + 1))
+    return any(port in own for port in (_bound_ports() if ports is None else ports))
+
+
+def _bound_ports() -> set[int]:
+    """The UDP ports that processes of this machine, of any user, are bound to."""
+    return {connection.laddr.port for connection in psutil.net_connections("udp") if connection.laddr}

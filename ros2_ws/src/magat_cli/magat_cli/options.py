@@ -62,6 +62,16 @@ def domain(text: str) -> int:
     return value
 
 
+def namespace(text: str) -> str:
+    """The namespace of a team."""
+    from magat_node.names import InvalidNameError, team_namespace
+
+    try:
+        return team_namespace(text)
+    except InvalidNameError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
 def port(text: str) -> int:
     """A TCP port."""
     value = int(text)
@@ -183,15 +193,30 @@ def add_join(parser: argparse.ArgumentParser, namespace: bool = True) -> None:
 
 
 def join(options: Options) -> None:
-    """From now on speak where the team of `add_join` does.
+    """From now on speak where the team of `add_join` does; to be called before rclpy is imported.
 
     Raises:
-        MagatError: a server without a domain.
+        MagatError: a server without a domain, or a variable of the shell that ROS cannot use.
         NetworkError: no interface leads to the server.
     """
     from magat_bringup.environment import Network
+    from magat_node.shell import check_shell
 
     if options.domain is None:
         options.without_effect("the environment's ROS domain (give --domain as well)", "server")
     else:
         os.environ.update(Network(options.domain, options.server).tool_variables)
+    check_shell()
+
+
+def own_network() -> None:
+    """Do without the ROS variables of the shell, for verbs that start teams; to be called before rclpy is imported.
+
+    Raises:
+        ShellError: ROS cannot use one of those that still count, such as ROS_LOG_DIR.
+    """
+    from magat_bringup.environment import loopback
+    from magat_node.shell import check_shell
+
+    os.environ.update(loopback(0))  # until the team has a domain
+    check_shell()

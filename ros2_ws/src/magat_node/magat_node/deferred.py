@@ -110,14 +110,21 @@ class SingleGoalActionServer(DeferredActionServer):
         #: The goal that is being served.
         self.goal: RunningGoal | None = None
         self._begin = begin
+        self._log, self._name = node.get_logger(), name
         super().__init__(
             node,
             action_type,
             name,
             self._accepted,
-            goal_callback=lambda _: GoalResponse.ACCEPT if self.goal is None else GoalResponse.REJECT,
+            goal_callback=self._asked,
             cancel_callback=lambda _: CancelResponse.ACCEPT,
         )
+
+    def _asked(self, _: object) -> GoalResponse:
+        if self.goal is None:
+            return GoalResponse.ACCEPT
+        self._log.warning(f"{self._name}: rejected a goal, because another is being served")
+        return GoalResponse.REJECT
 
     def _accepted(self, handle: ServerGoalHandle) -> None:
         self.goal = RunningGoal(self, handle)

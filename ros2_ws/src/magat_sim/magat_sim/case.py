@@ -82,13 +82,18 @@ def draw_case(
     Raises:
         InvalidCaseError: too many robots, obstacles or cells.
     """
-    whole = 0 <= density < 1  # false for NaN
-    count = round(density * width * height) if whole else 0
+    if not 0 <= density <= 1:  # NaN is not
+        raise InvalidCaseError(f"the obstacle density is {density:g}: give a share of the cells, 0 to 1")
+    if width < 1 or height < 1:
+        raise InvalidCaseError(f"a map of {width}x{height} cells has no cells: give at least 1x1")
+    if robots < 1:
+        raise InvalidCaseError(f"a case of {robots} robots: ask for at least 1")
     if width * height > MOST_CELLS:
         raise InvalidCaseError(
             f"a map of {width}x{height} cells is too large to be drawn: ask for at most {MOST_CELLS} cells"
         )
-    if not (whole and width > 0 and height > 0 and robots > 0 and count + robots <= width * height):
+    count = round(density * width * height)
+    if count + robots > width * height:
         raise InvalidCaseError(
             f"{robots} robots do not fit on a {width}x{height} map of obstacle density {density}: ask for fewer"
         )

@@ -3,7 +3,7 @@
 import argparse
 from typing import TYPE_CHECKING
 
-from magat_cli.options import Options, add_policy, positive, team_shape
+from magat_cli.options import Options, add_policy, own_network, positive, team_shape
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -41,6 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: Options, console: "Console") -> int:
     """Run the verb; returns the exit status."""
+    own_network()
     from rich.console import Console
 
     from magat_bench.runtime import RuntimeSetting, bench_runtime, inference, summary, table

@@ -3,7 +3,7 @@
 import argparse
 from typing import TYPE_CHECKING
 
-from magat_cli.options import Options, seconds
+from magat_cli.options import Options, own_network, seconds
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -18,6 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: Options, console: "Console") -> int:
     """Run the verb; returns the exit status."""
+    own_network()
     from rich.console import Console
 
     from magat_bench.view import CROWDS, bench_view, table

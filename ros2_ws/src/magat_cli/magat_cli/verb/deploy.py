@@ -19,9 +19,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: Options, console: "Console") -> int:
     """Run the verb; returns the exit status."""
+    join(options)
     from magat_bringup.deploy import deploy
     from magat_robot.policy.models import find_policy
 
-    join(options)
     deploy(find_policy(options.policy), options.namespace, console)
     return 0

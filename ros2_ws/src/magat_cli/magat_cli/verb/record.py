@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: Options, console: "Console") -> int:
     """Run the verb; returns the exit status."""
+    join(options)
     from magat_recording.record import record
 
-    join(options)
     return record(options.folder, options.namespace, console)

@@ -30,8 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: Options, console: "Console") -> int:
     """Run the verb; returns the exit status."""
+    join(options)
     from magat_viewer.replay import replay
 
-    join(options)
     replay(options.bag, options.rate, options.rviz, options.view, options.delay, console)
     return 0

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from magat_cli.options import Options, add_join, join, port
+from magat_cli.options import Options, add_join, join, own_network, port
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -39,11 +39,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: Options, console: "Console") -> int:
     """Run the verb; returns the exit status."""
-    from magat_viewer.serve import save_screenshot, view_bag, view_team
-
     if options.bag is None:
         options.without_effect("a running team (name the bag of a recorded one)", "policy", "at", "screenshot")
         join(options)
+    else:
+        own_network()
+    from magat_viewer.serve import save_screenshot, view_bag, view_team
+
+    if options.bag is None:
         view_team(options.namespace, options.host, options.port, console)
     else:
         options.without_effect("a recorded team", "domain", "server", "namespace")

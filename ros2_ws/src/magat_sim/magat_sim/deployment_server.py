@@ -35,9 +35,15 @@ class DeploymentServer:
     def __init__(self, node: Node, robots: list[str]) -> None:
         """Offer the action on ``node``, for a team of ``robots``."""
         self._robots = robots
-        self._patience = declare_seconds(
-            node, "deploy_timeout", 20.0, "how long to wait for the robots after each order of a deployment"
+        #: Of the robots after each order, seconds.
+        self.patience = declare_seconds(
+            node,
+            "deploy_timeout",
+            20.0,
+            "how long to wait for the robots after each order of a deployment",
+            fixed=False,
         )
+        self._log = node.get_logger()
         self._running: _Running | None = None
         self._last = DeploymentMessage()
         #: The order that brought the policy that the team carries; None if it is the first one.
@@ -49,6 +55,17 @@ class DeploymentServer:
     def busy(self) -> bool:
         """A deployment is under way, or waits for the end of an episode: the next episode has to wait."""
         return self._action.goal is not None
+
+    def stop(self, why: str) -> bool:
+        """Abort the goal, if there is one, because of ``why``; returns whether there was one."""
+        goal = self._action.goal
+        if goal is None:
+            return False
+        parted = ": robots may have different policies, deploy again" if self._running is not None else ""
+        self._log.warning(f"a deployment was aborted: {why}")
+        self._running = None
+        goal.abort(DeployPolicy.Result(error=f"{why}{parted}"))
+        return True
 
     def reported(self, status: RobotStatus) -> None:
         """Take the status of a process."""
@@ -68,7 +85,8 @@ class DeploymentServer:
             goal.cancel(DeployPolicy.Result(error="cancelled"))
         elif between_episodes:
             number = secrets.randbits(63) + 1
-            self._running = _Running(goal, Deployment(number, self._robots, time.monotonic(), self._patience))
+            self._running = _Running(goal, Deployment(number, self._robots, time.monotonic(), self.patience))
+            self._log.info(f"deployment {number} begins: digest {goal.request.digest[:12]}")
             self._give(self._running, Order.PREPARE)
         self._feed_back()
 
@@ -105,4 +123,8 @@ class DeploymentServer:
         self._running = None
         result = DeployPolicy.Result(error=deployment.error, deployment=deployment.number)
         end = goal.succeed if not deployment.error else goal.cancel if goal.cancel_requested else goal.abort
+        if deployment.error:
+            self._log.warning(f"deployment {deployment.number} ended, the robots keep their policy: {deployment.error}")
+        else:
+            self._log.info(f"deployment {deployment.number} ended: all robots have the new policy")
         end(result)

@@ -11,6 +11,7 @@ from magat_node.cdr import PackedFeature
 from magat_sim.case import Case
 from magat_sim.constants import T_MAX_FACTOR
 from magat_sim.episode_states import (
+    CANCELLED,
     NO_MAKESPAN,
     AwaitingExpert,
     EpisodeEnd,
@@ -116,6 +117,11 @@ class EpisodeServer:
     state: Idle | Gathering | AwaitingExpert | Ticking = field(default_factory=Idle)
 
     @property
+    def idle(self) -> bool:
+        """There is no goal: rules, limits and deadlines may be set."""
+        return isinstance(self.state, Idle)
+
+    @property
     def between_episodes(self) -> bool:
         """The team may be given another policy."""
         return isinstance(self.state, Idle | Gathering)
@@ -123,6 +129,23 @@ class EpisodeServer:
     def begin(self, goal: Goal, request: EpisodeRequest) -> None:
         """Serve ``goal``; the server must be idle."""
         self._gather(Gathering(goal, request, self.clock()))
+
+    def refuse(self, goal: Goal, episode: int, why: str) -> None:
+        """Abort a goal that cannot be served because of ``why``."""
+        end = EpisodeEnd(episode, why)
+        self._log_end(end)
+        goal.abort(end)
+
+    def stop(self, why: str) -> bool:
+        """Abort the goal, if there is one, because of ``why``; returns whether there was one."""
+        match self.state:
+            case Gathering(goal, request) | AwaitingExpert(Gathering(goal, request)):
+                self._end(goal.abort, EpisodeEnd(request.episode, why))
+            case Ticking():
+                self._end_episode(self.state, self.state.goal.abort, why)
+            case Idle():
+                return False
+        return True
 
     def beat(self) -> None:
         """Go on with an episode that waits; to be called several times a second."""
@@ -138,7 +161,7 @@ class EpisodeServer:
         self.state, now = state, self.clock()
         goal, request = state.goal, state.request
         if goal.cancel_requested:
-            self._end(goal.cancel, EpisodeEnd(request.episode, "cancelled"))
+            self._end(goal.cancel, EpisodeEnd(request.episode, CANCELLED))
             return
         if self.surroundings.deploying():
             self.state = replace(state, begun=now)
@@ -173,7 +196,7 @@ class EpisodeServer:
             return
         self.surroundings.abandon(state.search)
         if goal.cancel_requested:
-            self._end(goal.cancel, EpisodeEnd(request.episode, "cancelled"))
+            self._end(goal.cancel, EpisodeEnd(request.episode, CANCELLED))
         elif request.t_max > 0:
             self._start(state.gathered, None, "it did not answer")
         elif now - begun > self.limits.ready_timeout:
@@ -204,6 +227,10 @@ class EpisodeServer:
         now = self.clock()
         state = Ticking(goal, request, episode, plan.flowtime if plan is not None else None, now, now)
         self.state = state
+        height, width = request.case.obstacles.shape
+        self.log.info(
+            f"episode {request.episode} begins: {request.case.robots} robots on {width}x{height} cells, T_max {t_max}"
+        )
         self.surroundings.publish_world(state, None, 0.0)
         if episode.simulator.done:
             self._end_episode(state, goal.succeed)
@@ -282,7 +309,7 @@ class EpisodeServer:
         if state.episode.simulator.done:
             self._end_episode(state, state.goal.succeed)
         elif state.goal.cancel_requested:
-            self._end_episode(state, state.goal.cancel, "cancelled")
+            self._end_episode(state, state.goal.cancel, CANCELLED)
         else:
             self._begin_tick(state)
 
@@ -304,4 +331,18 @@ class EpisodeServer:
         self.tick_deadline.cancel()
         self.relay_deadline.cancel()
         self.state = Idle()
+        self._log_end(end)
         how(end)
+
+    def _log_end(self, end: EpisodeEnd) -> None:
+        after = ""
+        if end.last is not None:
+            simulator = end.last.episode.simulator
+            arrived = f"{int(simulator.visited.sum())} of {end.last.request.case.robots} robots arrived"
+            after = f" after {simulator.tick} of {int(simulator.t_max[0])} ticks, {arrived}"
+        if end.cancelled:
+            self.log.info(f"episode {end.episode} was cancelled{after}")
+        elif end.error:
+            self.log.warning(f"episode {end.episode} was aborted{after}: {end.error}")
+        else:
+            self.log.info(f"episode {end.episode} ended{after}")

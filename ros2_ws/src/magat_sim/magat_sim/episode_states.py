@@ -19,6 +19,8 @@ from magat_sim.ticks import DistributedEpisode
 
 #: How the error of an episode begins that the expert has no solution for.
 NO_MAKESPAN = "the expert gives no makespan"
+#: The error of an episode that its client has cancelled.
+CANCELLED = "cancelled"
 
 
 class Progress(NamedTuple):
@@ -127,3 +129,8 @@ class EpisodeEnd:
     last: Ticking | None = None
     #: Wall time of all ticks, seconds.
     elapsed: float = 0.0
+
+    @property
+    def cancelled(self) -> bool:
+        """The client asked for the end."""
+        return self.error == CANCELLED

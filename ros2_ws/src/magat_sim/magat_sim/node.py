@@ -5,33 +5,43 @@ import secrets
 import sys
 import time
 from collections.abc import Sequence
+from typing import Any
 
-import numpy as np
-from rclpy.node import Node
-from rclpy.publisher import Publisher
-from rclpy.task import Future
+from magat_node.imports import quiet_imports
 
-from magat_interfaces.action import RunEpisode
-from magat_interfaces.msg import Observation, Preference, RobotStatus, World
-from magat_interfaces.srv import SolveMapf
-from magat_node import cdr, topics
-from magat_node.deferred import RunningGoal, SingleGoalActionServer
-from magat_node.parameters import declare_choice, declare_seconds, declare_share, declare_value
-from magat_node.run import run_node
-from magat_sim.case import Case, InvalidCaseError, draw_case, make_case
-from magat_sim.constants import EXPERT_W
-from magat_sim.deployment_server import DeploymentServer
-from magat_sim.episode_server import EpisodeLimits, EpisodeServer
-from magat_sim.episode_states import EpisodeEnd, EpisodeRequest, ExpertPlan, Progress, Ticking
-from magat_sim.measures import Flowtime, expert_flowtime
-from magat_sim.relay import Bundle
-from magat_sim.shield import SHIELDS
-from magat_sim.simulator import Rules
-from magat_sim.team import Equipment, Team
-from magat_sim.ticks import Outcome, ReceivedPreference, RobotObservation
+with quiet_imports():
+    import numpy as np
+    from rclpy.node import Node
+    from rclpy.publisher import Publisher
+    from rclpy.task import Future
+
+    from magat_interfaces.action import RunEpisode
+    from magat_interfaces.msg import Observation, Preference, RobotStatus, World
+    from magat_interfaces.srv import SolveMapf
+    from magat_node import cdr, topics
+    from magat_node.deferred import RunningGoal, SingleGoalActionServer
+    from magat_node.names import check_robot_name
+    from magat_node.parameters import SettableParameters, declare_choice, declare_seconds, declare_share, declare_value
+    from magat_node.run import run_node
+    from magat_sim.case import Case, InvalidCaseError, draw_case, make_case
+    from magat_sim.constants import EXPERT_W
+    from magat_sim.deployment_server import DeploymentServer
+    from magat_sim.episode_server import EpisodeLimits, EpisodeServer
+    from magat_sim.episode_states import EpisodeEnd, EpisodeRequest, ExpertPlan, Progress, Ticking
+    from magat_sim.measures import Flowtime, expert_flowtime
+    from magat_sim.relay import Bundle
+    from magat_sim.shield import SHIELDS
+    from magat_sim.simulator import Rules
+    from magat_sim.team import Equipment, Team
+    from magat_sim.ticks import Outcome, ReceivedPreference, RobotObservation
 
 #: Seconds between hellos to robots that do not take part.
 HELLO_PERIOD = 0.2
+#: Parameters that can be set between episodes.
+SETTABLE = [
+    *("ready_timeout", "expert_time_limit", "tick_deadline", "relay_deadline", "deploy_timeout"),
+    *("link_loss", "shield"),
+]
 
 
 class SimulatorNode(Node):
@@ -47,21 +57,12 @@ class SimulatorNode(Node):
         names = declare_value(
             self, "robots", [f"robot_{i:02d}" for i in range(10)], "names of the robots, which are their namespaces"
         )
-        ready_timeout = declare_seconds(self, "ready_timeout", 60.0, "how long to wait for the team and the expert")
-        self._expert_limit = declare_seconds(self, "expert_time_limit", 10.0, "how long the expert may search")
-        tick_deadline = declare_seconds(
-            self, "tick_deadline", 1.0, "how long to wait in a tick for preferences; a robot that is silent then idles"
-        )
+        for name in names:
+            check_robot_name(name)
         radio = declare_choice(
             self, "radio", "direct", ["direct", "relayed"], "robots hear each other, or what the simulator relays"
         )
-        relay_deadline = declare_seconds(
-            self, "relay_deadline", 0.1, "how long to wait in a tick, in all its rounds, for messages to relay"
-        )
-        rules = Rules(
-            link_loss=declare_share(self, "link_loss", 0.0, "share of the radio links that are lost in each tick"),
-            shield=declare_choice(self, "shield", "idle", list(SHIELDS), "what keeps robots from colliding"),
-        )
+        self._declare_settable()
         # With a relayed radio no robot needs to hear another.
         peers = len(names) - 1 if radio == "direct" else 0
         self._team = Team(list(names), [secrets.randbits(63) + 1 for _ in names], peers)
@@ -82,17 +83,57 @@ class SimulatorNode(Node):
         self._server: EpisodeServer = EpisodeServer(
             self._team,
             radio,
-            rules,
-            EpisodeLimits(ready_timeout, self._expert_limit, relay_deadline),
+            self._rules(),
+            self._limits(),
             self,
-            self.create_timer(tick_deadline, lambda: self._server.end_tick()),
-            self.create_timer(relay_deadline, lambda: self._server.end_round()),
+            self.create_timer(self._value("tick_deadline"), lambda: self._server.end_tick()),
+            self.create_timer(self._value("relay_deadline"), lambda: self._server.end_round()),
             self.get_logger(),
             time.monotonic,
         )
         self._server.tick_deadline.cancel()
         self._server.relay_deadline.cancel()
         self.create_timer(HELLO_PERIOD, self._on_beat)
+        self._settable = SettableParameters(self, SETTABLE, self._refuse, self._apply)
+
+    # --- Parameters that can be set between episodes ---
+
+    def _declare_settable(self) -> None:
+        for name, default, meaning in (
+            ("ready_timeout", 60.0, "how long to wait for the team and the expert"),
+            ("expert_time_limit", 10.0, "how long the expert may search"),
+            ("tick_deadline", 1.0, "how long to wait in a tick for preferences; a robot that is silent then idles"),
+            ("relay_deadline", 0.1, "how long to wait in a tick, in all its rounds, for messages to relay"),
+        ):
+            declare_seconds(self, name, default, meaning, fixed=False)
+        declare_share(self, "link_loss", 0.0, "share of the radio links that are lost in each tick", fixed=False)
+        declare_choice(self, "shield", "idle", list(SHIELDS), "what keeps robots from colliding", fixed=False)
+
+    def _value(self, name: str) -> Any:
+        return self.get_parameter(name).value
+
+    def _rules(self) -> Rules:
+        return Rules(link_loss=self._value("link_loss"), shield=self._value("shield"))
+
+    def _limits(self) -> EpisodeLimits:
+        return EpisodeLimits(*map(self._value, ("ready_timeout", "expert_time_limit", "relay_deadline")))
+
+    def _refuse(self, changes: dict[str, Any]) -> str:
+        if not self._server.idle or self._deployments.busy:
+            return f"{', '.join(changes)}: can be set between episodes only: wait for the end of the current goal"
+        if changes.get("shield", "idle") not in SHIELDS:
+            return f"there is no shield {changes['shield']!r}: choose one of {list(SHIELDS)}"
+        return ""
+
+    def _apply(self) -> None:
+        self._server.rules, self._server.limits = self._rules(), self._limits()
+        self._server.tick_deadline.timer_period_ns = round(1e9 * self._value("tick_deadline"))
+        self._deployments.patience = self._value("deploy_timeout")
+
+    def end(self) -> bool:
+        """Abort what is under way, so that clients do not wait for a simulator that is gone."""
+        why = "the simulator was told to end"
+        return any([self._server.stop(why), self._deployments.stop(why)])
 
     # --- From ROS ---
 
@@ -132,7 +173,7 @@ class SimulatorNode(Node):
         try:
             case = _requested_case(message, len(self._team.members))
         except InvalidCaseError as error:
-            goal.abort(EpisodeEnd(episode, str(error)))
+            self._server.refuse(goal, episode, str(error))
             return
         w = message.expert_w or EXPERT_W
         self._server.begin(goal, EpisodeRequest(episode, case, message.seed, message.number, message.t_max, w))
@@ -150,7 +191,7 @@ class SimulatorNode(Node):
     def ask_expert(self, case: Case, w: float) -> Future:
         """Send a SolveMapf request; its answer goes to `EpisodeServer.solved`."""
         height, width = case.obstacles.shape
-        request = SolveMapf.Request(width=width, height=height, w=w, time_limit=self._expert_limit)
+        request = SolveMapf.Request(width=width, height=height, w=w, time_limit=self._server.limits.expert_time_limit)
         request.obstacles = array.array("B", case.obstacles.astype(np.uint8).tobytes())
         request.start_x, request.start_y = (_int16(column) for column in case.starts.T)
         request.goal_x, request.goal_y = (_int16(column) for column in case.goals.T)
@@ -270,6 +311,8 @@ def _result(end: EpisodeEnd) -> RunEpisode.Result:
     result.silent, result.features_missing = episode.silent, episode.features_missing
     result.bytes_per_tick = episode.bytes_per_tick
     result.ticks_per_second = measures.ticks / end.elapsed if end.elapsed > 0 else 0.0
+    if end.error:  # it ended too early to be compared with the expert
+        result.delta_ft = result.delta_ft_strict = float("nan")
     return result
 
 

@@ -4,15 +4,18 @@ import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
-import numpy as np
-from rclpy.node import Node
+from magat_node.imports import quiet_imports
 
-from magat_expert.instance import InvalidInstanceError, validate_time_limit
-from magat_expert.solver import Solution, SolveStatus, StopFlag, solve
-from magat_interfaces.srv import SolveMapf
-from magat_node.deferred import create_deferred_service
-from magat_node.parameters import declare_count, declare_seconds
-from magat_node.run import run_node
+with quiet_imports():
+    import numpy as np
+    from rclpy.node import Node
+
+    from magat_expert.instance import InvalidInstanceError, validate_time_limit
+    from magat_expert.solver import Solution, SolveStatus, StopFlag, solve
+    from magat_interfaces.srv import SolveMapf
+    from magat_node.deferred import create_deferred_service
+    from magat_node.parameters import declare_count, declare_seconds
+    from magat_node.run import run_node
 
 _STATUS = {
     SolveStatus.SOLVED: SolveMapf.Response.SOLVED,

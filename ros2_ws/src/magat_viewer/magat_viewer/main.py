@@ -2,18 +2,21 @@
 
 import sys
 
-import rclpy
-from rclpy.signals import SignalHandlerOptions
-from rich.console import Console
+from magat_node.imports import quiet_imports
 
-from magat_node import interruption
-from magat_node.parameters import declare_value
-from magat_node.run import give_way
-from magat_robot.policy.models import policy_of_digest
-from magat_viewer.address import HOST, PORT, ServerError
-from magat_viewer.node import LiveTeam
-from magat_viewer.serve import wait
-from magat_viewer.server import PageServer
+with quiet_imports():
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+    from rich.console import Console
+
+    from magat_node import interruption
+    from magat_node.parameters import declare_value
+    from magat_node.run import give_way
+    from magat_robot.policy.models import policy_of_digest
+    from magat_viewer.address import HOST, PORT, ServerError
+    from magat_viewer.node import LiveTeam
+    from magat_viewer.serve import wait
+    from magat_viewer.server import PageServer
 
 
 def main(args: list[str] | None = None) -> int:

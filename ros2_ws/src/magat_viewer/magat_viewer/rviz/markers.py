@@ -66,11 +66,11 @@ def links(world: World) -> IntArray:
     return np.stack([robot, heard[robot, column]], axis=1)
 
 
-def transforms(world: World, cell: float, header: Header) -> list[TransformStamped]:
-    """From the frame of the map to ``ROBOT/base_link`` of each robot; robots on a grid have no heading."""
+def transforms(world: World, cell: float, header: Header, prefix: str = "") -> list[TransformStamped]:
+    """From the frame of the map to ``ROBOT/base_link`` of each robot, behind ``prefix``; a grid has no headings."""
     result = []
     for name, (x, y) in zip(world.robots, _centres(world.x, world.y, cell).tolist(), strict=True):
-        transform = TransformStamped(header=header, child_frame_id=f"{name.strip('/')}/base_link")
+        transform = TransformStamped(header=header, child_frame_id=f"{prefix}{name.strip('/')}/base_link")
         transform.transform.translation.x, transform.transform.translation.y = x, y
         result.append(transform)
     return result

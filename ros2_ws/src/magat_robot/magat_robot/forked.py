@@ -15,13 +15,16 @@ from itertools import pairwise
 from pathlib import Path
 from types import FrameType
 
-from magat_node.names import InvalidNameError, check_robot_name, team_namespace
-from magat_node.parent import end_with_parent
-from magat_node.restarts import RESTARTS, RestartLimit
-from magat_node.text import log_line
-from magat_robot import node
-from magat_robot.policy.backends import BACKENDS, preload
-from magat_robot.policy.config import ENCODINGS, ModelError
+from magat_node.imports import quiet_imports
+
+with quiet_imports():
+    from magat_node.names import InvalidNameError, check_robot_name, team_namespace
+    from magat_node.parent import end_with_parent
+    from magat_node.restarts import RESTARTS, RestartLimit
+    from magat_node.text import log_line
+    from magat_robot import node
+    from magat_robot.policy.backends import BACKENDS, preload
+    from magat_robot.policy.config import ENCODINGS, ModelError
 
 #: Exit status of a process that a signal ended, as shells give it.
 _SIGNALLED = 128

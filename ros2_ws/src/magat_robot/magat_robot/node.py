@@ -8,17 +8,26 @@ import sys
 import time
 from pathlib import Path
 
-from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from magat_node.imports import quiet_imports
 
-from magat_interfaces.msg import Deployment, Observation, Preference, RobotStatus
-from magat_node import cdr, topics
-from magat_node.parameters import declare_choice, declare_count, declare_seconds, declare_value
-from magat_node.run import run_node
-from magat_robot.crew import Answer, Crew, Message, ReceivedObservation
-from magat_robot.policy.backends import BACKENDS, load_policy
-from magat_robot.policy.config import ENCODINGS, MAX_SIZE, ModelError
-from magat_robot.policy.payload import encoded_bytes, round_bytes
-from magat_robot.policy_slot import PolicySlot
+with quiet_imports():
+    from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+
+    from magat_interfaces.msg import Deployment, Observation, Preference, RobotStatus
+    from magat_node import cdr, topics
+    from magat_node.parameters import (
+        SettableParameters,
+        declare_choice,
+        declare_count,
+        declare_seconds,
+        declare_value,
+    )
+    from magat_node.run import run_node
+    from magat_robot.crew import Answer, Crew, Message, ReceivedObservation
+    from magat_robot.policy.backends import BACKENDS, load_policy
+    from magat_robot.policy.config import ENCODINGS, MAX_SIZE, ModelError
+    from magat_robot.policy.payload import encoded_bytes, round_bytes
+    from magat_robot.policy_slot import PolicySlot
 
 #: Seconds between two statuses while waiting, and between two hellos in a small team.
 HELLO_PERIOD = 0.2
@@ -59,13 +68,17 @@ class RobotNode(LifecycleNode):
         super().__init__("robot", **options)
         self._folder = declare_value(self, "policy", "", "folder of the policy")
         encoding = declare_choice(
-            self, "encoding", "", ["", *ENCODINGS], "encoding of messages; the policy's own if empty"
+            self, "encoding", "", ["", *ENCODINGS], "encoding of messages; the policy's own if empty", fixed=False
         )
         self._changes = {"encoding": encoding} if encoding else {}
-        self._backend = declare_choice(self, "backend", "torch", list(BACKENDS), "library that computes the policy")
+        self._backend = declare_choice(self, "backend", "onnx", list(BACKENDS), "library that computes the policy")
         self._radio = declare_choice(self, "radio", "direct", ["direct", "relayed"], "same as the simulator's")
-        self._feature_deadline = declare_seconds(
-            self, "feature_deadline", 0.25, "longest wait for neighbours' messages in a tick, all rounds together"
+        declare_seconds(
+            self,
+            "feature_deadline",
+            0.25,
+            "longest wait for neighbours' messages in a tick, all rounds together",
+            fixed=False,
         )
         self._max_payload = declare_count(
             self,
@@ -74,9 +87,10 @@ class RobotNode(LifecycleNode):
             "longest payload in bytes that a deployed policy may send; as long as the first policy's if 0",
             _MAX_PAYLOAD,
             0,
+            fixed=False,
         )
         team_size = declare_count(self, "team_size", 32, "robots in the team; sets the queues of shared topics", 10_000)
-        names = declare_value(self, "robots", [""], "robots of this process; only the namespace's if empty")
+        names = declare_value(self, "robots", [""], "robots of this process; only the namespace's if empty", False)
         autostart = declare_value(
             self, "autostart", True, "join the team at once; else wait to be configured and activated"
         )
@@ -90,6 +104,9 @@ class RobotNode(LifecycleNode):
         self._problem: str | None = None
         self._slot: PolicySlot | None = None
         self._nonce = secrets.randbits(64)
+        self._taking_part = False
+        self._settable = SettableParameters(self, ["feature_deadline"], self._refuse, self._on_set)
+        self._settable.show("robots", self.robots)
         if autostart:
             for trigger in (self.trigger_configure, self.trigger_activate):
                 if trigger() is not TransitionCallbackReturn.SUCCESS:
@@ -104,6 +121,8 @@ class RobotNode(LifecycleNode):
                 raise ModelError("no policy given: start the robot with -p policy:=FOLDER")
             policy = load_policy(Path(self._folder), self._backend, **self._changes)
             self._slot = PolicySlot(policy, self._backend, self._max_payload)
+            self._settable.show("encoding", policy.config.encoding)
+            self._settable.show("max_payload", self._slot.max_payload)
         except ModelError as error:
             self._problem = str(error)
             self.get_logger().error(f"not configured: {error}")
@@ -115,7 +134,7 @@ class RobotNode(LifecycleNode):
         self._peers: dict[int, tuple[float, int]] = {}
         self._last_observed = -math.inf
         self._ticks = self._beats = 0
-        self._deadline = self.create_timer(self._feature_deadline, self._on_deadline)
+        self._deadline = self.create_timer(1.0, self._on_deadline)  # `_set_deadline` sets the time
         self._restart()
 
         team, size = self._team, self._team_size
@@ -124,29 +143,45 @@ class RobotNode(LifecycleNode):
         self._send_status = topics.ROBOT_STATUS.publisher(self, team=team, robots=size)
         self._team_publishers = [self._send_feature, self._send_preference, self._send_status]
         # Callbacks with one argument do not get the middleware's information about the sender.
-        self._team_subscriptions = [topics.DEPLOYMENT.subscription(self, self._on_deployment, team=team)]
+        self._team_subscriptions = [
+            topics.DEPLOYMENT.subscription(self, self._on_deployment, team=team, on_drop=self._on_drop)
+        ]
         if self._radio == "direct":
             self._team_subscriptions.append(
                 topics.FEATURE.subscription(self, self._on_feature, team=team, robots=size, raw=True)
             )
         for number, name in enumerate(self.robots):
             observe = functools.partial(self._on_observation, number)
-            self._team_subscriptions.append(topics.OBSERVATION.subscription(self, observe, robot=name, team=team))
+            self._team_subscriptions.append(
+                topics.OBSERVATION.subscription(self, observe, robot=name, team=team, on_drop=self._on_drop)
+            )
             if self._radio == "relayed":
                 hear = functools.partial(self._on_bundle, number)
                 self._team_subscriptions.append(topics.HEARD.subscription(self, hear, robot=name, team=team, raw=True))
         self._beat = self.create_timer(HELLO_PERIOD, self._on_beat)
+        self._taking_part = True
         return TransitionCallbackReturn.SUCCESS
 
     def on_deactivate(self, _: LifecycleState) -> TransitionCallbackReturn:
         """Leave the team: to all others, it is as if the process had ended."""
+        self._leave()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, _: LifecycleState) -> TransitionCallbackReturn:
+        """Leave the team for good, from any state; the process goes on until it is told to end."""
+        if self._taking_part:
+            self._leave()
+        self._slot = None
+        return TransitionCallbackReturn.SUCCESS
+
+    def _leave(self) -> None:
+        self._taking_part = False
         for timer in (self._deadline, self._beat):
             self.destroy_timer(timer)
         for subscription in self._team_subscriptions:
             self.destroy_subscription(subscription)
         for publisher in self._team_publishers:
             self.destroy_publisher(publisher)
-        return TransitionCallbackReturn.SUCCESS
 
     def on_cleanup(self, _: LifecycleState) -> TransitionCallbackReturn:
         """Release the policy."""
@@ -161,12 +196,25 @@ class RobotNode(LifecycleNode):
         policy = self._slot.policy
         self._encoding = ENCODINGS[policy.config.encoding]
         sizes = round_bytes(policy.config, policy.config.encoding)
-        self._feature_bytes = cdr.feature_bytes(sizes)
+        self._feature_bytes, self._rounds = cdr.feature_bytes(sizes), len(sizes)
         self._crew = Crew(policy, len(self.robots), self._on_send, self._on_answer, self._radio == "relayed")
         self._sending: tuple[int, int, int] | None = None  # episode, tick, round
-        # The deadline of the tick is divided among the rounds.
-        self._deadline.timer_period_ns = int(1e9 * self._feature_deadline / len(sizes))
+        self._set_deadline()
         self._deadline.cancel()
+
+    def _set_deadline(self) -> None:
+        """Divide the deadline of a tick among the rounds."""
+        seconds = self.get_parameter("feature_deadline").value
+        self._deadline.timer_period_ns = int(1e9 * seconds / self._rounds)
+
+    def _refuse(self, changes: dict[str, object]) -> str:
+        if self._taking_part and not self._waiting:
+            return f"{', '.join(changes)}: can be set between episodes only: the robots are in one"
+        return ""
+
+    def _on_set(self) -> None:
+        if self._taking_part:
+            self._set_deadline()
 
     def _on_deployment(self, message: Deployment) -> None:
         assert self._slot is not None
@@ -190,6 +238,9 @@ class RobotNode(LifecycleNode):
 
     # --- A tick ---
 
+    def _on_drop(self, why: str) -> None:
+        self._crew.exchange.drop(why)
+
     def _on_observation(self, robot: int, message: Observation) -> None:
         if message.tick == Observation.HELLO:
             self._send_preference.publish(Preference(tick=Observation.HELLO, tag=message.own_tag))
@@ -202,6 +253,7 @@ class RobotNode(LifecycleNode):
             message.own_tag,
             frozenset(message.audible_tags),
             message.field_of_view.tobytes(),
+            message.moved,
         )
         if self._crew.see(robot, observation) and self._crew.waiting:
             self._deadline.reset()

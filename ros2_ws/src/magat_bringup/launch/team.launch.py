@@ -1,6 +1,8 @@
 """A team: its robots, simulator and expert and, if wanted, a recorder, the page, the RViz bridge and RViz.
 
 `--show-args` lists the arguments. What each process is told comes from `magat_bringup.team`, as for `magat run`.
+
+`ros2 launch` runs in the system's Python. So this file, and what it imports, need only what launch itself needs.
 """
 
 # ruff: noqa: I001  (to ruff, `launch` is the folder that this file is in)
@@ -13,12 +15,11 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from magat_robot.policy.models import find_policy
 from magat_bringup.team import ENVIRONMENT, Command, TeamFile, TeamPlan
-from magat_robot.policy.config import ENCODINGS
-from magat_robot.policy.backends import BACKENDS
-from magat_robot.forked import RESTARTS
-from magat_sim.shield import SHIELDS
+from magat_node.restarts import RESTARTS
+from magat_robot.policy.config import BACKENDS, ENCODINGS
+from magat_robot.policy.models import find_policy
+from magat_sim.constants import SHIELD_NAMES
 
 CONFIG = Path(get_package_share_directory("magat_bringup")) / "config"
 SWITCH = ["true", "false"]
@@ -46,7 +47,7 @@ def generate_launch_description() -> LaunchDescription:
                 "link_loss", default_value="0.0", description="share of the radio links that are lost in each tick"
             ),
             DeclareLaunchArgument(
-                "shield", default_value="idle", choices=list(SHIELDS), description="what keeps robots from colliding"
+                "shield", default_value="idle", choices=list(SHIELD_NAMES), description="what keeps robots from colliding"
             ),
             DeclareLaunchArgument(
                 "encoding",
@@ -55,7 +56,7 @@ def generate_launch_description() -> LaunchDescription:
                 description="of messages; that of the policy's configuration if empty",
             ),
             DeclareLaunchArgument(
-                "backend", default_value="torch", choices=list(BACKENDS), description="what computes the policy"
+                "backend", default_value="onnx", choices=list(BACKENDS), description="what computes the policy"
             ),
             DeclareLaunchArgument("params", default_value="", description="ROS parameter file for every node"),
             DeclareLaunchArgument(

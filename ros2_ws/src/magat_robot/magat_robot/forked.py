@@ -23,8 +23,8 @@ with quiet_imports():
     from magat_node.restarts import RESTARTS, RestartLimit
     from magat_node.text import log_line
     from magat_robot import node
-    from magat_robot.policy.backends import BACKENDS, preload
-    from magat_robot.policy.config import ENCODINGS, ModelError
+    from magat_robot.policy.backends import preload
+    from magat_robot.policy.config import BACKENDS, ENCODINGS, ModelError
 
 #: Exit status of a process that a signal ended, as shells give it.
 _SIGNALLED = 128

@@ -24,8 +24,8 @@ with quiet_imports():
     )
     from magat_node.run import run_node
     from magat_robot.crew import Answer, Crew, Message, ReceivedObservation
-    from magat_robot.policy.backends import BACKENDS, load_policy
-    from magat_robot.policy.config import ENCODINGS, MAX_SIZE, ModelError
+    from magat_robot.policy.backends import load_policy
+    from magat_robot.policy.config import BACKENDS, ENCODINGS, MAX_SIZE, ModelError
     from magat_robot.policy.payload import encoded_bytes, round_bytes
     from magat_robot.policy_slot import PolicySlot
 

@@ -14,7 +14,7 @@ TEAMS = [(10, 1), (20, 1), (40, 1), (4, 10), (4, 50), (2, 500)]
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The verb's options."""
-    from magat_robot.policy.backends import BACKENDS
+    from magat_robot.policy.config import BACKENDS
 
     add_policy(parser)
     shapes = " ".join(f"{processes}x{crew}" for processes, crew in TEAMS)

@@ -25,7 +25,7 @@ NEEDS_ROS = True
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The verb's options."""
     from magat_evaluation.splits import EXPERT_W, SPLITS
-    from magat_robot.policy.backends import BACKENDS
+    from magat_robot.policy.config import BACKENDS
 
     parser.add_argument(
         "--episodes", type=positive, default=10, help="how many (default: 10; with --scen, one for each file)"

@@ -12,9 +12,6 @@ from magat_robot.policy.config import ModelError
 from magat_robot.policy.folder import EXPORT, read_export, read_folder
 from magat_robot.policy.interface import RobotPolicy
 
-#: onnx (onnxruntime) runs a policy's exported form. torch is the reference: it computes the same bits, for one robot
-#: several times slower and in more memory. echo computes nothing: it measures the cost of everything else.
-BACKENDS = ("onnx", "torch", "echo")
 
 #: What to do where torch is needed but not installed.
 _NO_TORCH = "install what training needs, requirements-train.txt"
@@ -43,7 +40,7 @@ def load_policy(folder: Path, backend: str = "onnx", **changes: Any) -> RobotPol
 
     Args:
         folder: policy folder; exported beforehand (`magat_robot.policy.export`) for the backend onnx.
-        backend: one of `BACKENDS`.
+        backend: one of `magat_robot.policy.config.BACKENDS`.
         changes: values for the fields of its configuration that do not affect the weights, see `CHANGEABLE`.
 
     Raises:

@@ -23,6 +23,9 @@ MAX_ROUNDS = 16
 MAX_VISIT_MEMORY = 100.0
 #: Shapes of the CNN, see `FeatureExtractor`.
 CNNS = ("padded", "centred")
+#: What computes a policy. onnx (onnxruntime) runs its exported form. torch is the reference: it computes the same bits,
+#: for one robot several times slower and in more memory. echo computes nothing: it measures the cost of all else.
+BACKENDS = ("onnx", "torch", "echo")
 #: Encodings of messages (see `payload`), with their numbers in `magat_interfaces/msg/Feature`.
 ENCODINGS = {"float32": 0, "float16": 1, "int8": 2}
 #: Fields of a configuration that may be changed after training.

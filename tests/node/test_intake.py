@@ -14,7 +14,8 @@ from magat_bringup.environment import loopback, own_domain
 from magat_interfaces.msg import World
 from magat_node import cdr, qos, topics
 from magat_node.errors import UnusableMessageError
-from magat_node.intake import THROTTLE, Intake
+from magat_node.intake import Intake
+from magat_node.text import THROTTLE
 
 MALFORMED = [b"\0\1\0\0" + b"\xff" * 40, b"\0\1\0\0", b"\xff" * 600, serialize_message(World(robots=["a"]))[:-9]]
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from magat_node.errors import UnusableMessageError
-from magat_recording.world_check import LONGEST_TEXT, MOST_CELLS, fault, status_fault
+from magat_node.status_check import LONGEST_TEXT, status_fault
+from magat_recording.world_check import MOST_CELLS, fault
 from magat_recording.world_log import WorldLog, WorldLogs
 
 

@@ -182,7 +182,19 @@ def test_the_source_knows_the_chosen_robots_of_all_browsers(serve):
 
 
 @pytest.mark.parametrize(
-    "said", ["no json", "[1]", '{"chosen": -1}', '{"chosen": "x"}', '{"scene": 1}', '{"tick": null}', '{"tick": true}']
+    "said",
+    [
+        "no json",
+        "[1]",
+        '{"chosen": -1}',
+        '{"chosen": "x"}',
+        '{"scene": 1}',
+        '{"tick": null}',
+        '{"tick": true}',
+        "[" * 4000,
+        '{"tick": 1e400}',
+        '{"tick": ' + "9" * 4000,
+    ],
 )
 def test_an_invalid_request_ends_its_connection_only(serve, said):
     page = serve(Counting())
@@ -196,6 +208,26 @@ def test_an_invalid_request_ends_its_connection_only(serve, said):
     assert follow(page, talk) == 1003
     assert get(page, "/").status == 200
     page.wait(0.0)
+
+
+def test_malformed_requests_are_counted_and_make_no_noise(serve, capfd):
+    page = serve(Counting())
+    malformed = (
+        b"GET / HTTP/9.9\r\n\r\n",
+        b"GET / HTTP/1.1\r\nHost: " + b"a" * 9000 + b"\r\n\r\n",
+        b"POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: -1\r\n\r\n",
+        b"GET http://[ HTTP/1.1\r\nHost: localhost\r\n\r\n",
+        b"GET / HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\nzz\r\n",
+    )
+    for request in malformed * 5:
+        with socket.create_connection(("127.0.0.1", page.port)) as client:
+            client.sendall(request)
+            assert b" 400 " in client.recv(100)
+    assert get(page, "/").status == 200
+    said = capfd.readouterr().err
+    assert said.count("\n") == 1
+    assert "[viewer]: 1 requests to the page failed so far; the last one: Error handling request" in said
+    assert len(said) < 500
 
 
 def test_a_slow_browser_gets_the_newest_frames(serve):

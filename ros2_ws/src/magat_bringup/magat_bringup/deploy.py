@@ -10,8 +10,9 @@ from rich.console import Console
 
 from magat_interfaces.action import DeployPolicy
 from magat_interfaces.msg import PolicyFile, RobotStatus
-from magat_node.errors import TeamError
+from magat_node.errors import TeamError, UnusableMessageError
 from magat_node.progress import progress_bars
+from magat_node.status_check import status_fault
 from magat_node.teams import find_team
 from magat_node.topics import ROBOT_STATUS
 from magat_node.visitor import Visitor
@@ -88,6 +89,9 @@ def _statuses(visitor: Visitor, robots: list[str]) -> dict[str, RobotStatus]:
     said: dict[str, RobotStatus] = {}
 
     def note(status: RobotStatus) -> None:
+        wrong = status_fault(status)
+        if wrong is not None:
+            raise UnusableMessageError(f"a status in which {wrong}")
         said.update(dict.fromkeys(status.robots, status))
 
     ROBOT_STATUS.subscription(visitor.node, note, robots=len(robots))

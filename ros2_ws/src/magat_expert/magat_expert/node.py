@@ -52,7 +52,7 @@ class ExpertNode(Node):
         except InvalidInstanceError as error:
             response.status = SolveMapf.Response.INVALID
             response.message = str(error)
-            self.get_logger().warning(f"refused a request: {error}")
+            self.get_logger().warning(f"refused a request: {error}", throttle_duration_sec=5.0)
         except Exception as error:  # the client must get an answer in any case
             response = SolveMapf.Response(status=SolveMapf.Response.INVALID, message=f"the expert failed: {error!r}")
             self.get_logger().error(response.message)

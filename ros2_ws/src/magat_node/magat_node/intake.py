@@ -14,10 +14,8 @@ from rclpy.subscription import Subscription
 
 from magat_node.cdr_layout import is_complete
 from magat_node.errors import UnusableMessageError
-from magat_node.text import shortened
+from magat_node.text import Throttle, shortened
 
-#: Seconds between two log lines about one topic.
-THROTTLE = 5.0
 #: Most characters of a reason in a log line.
 _REASON = 200
 
@@ -42,8 +40,8 @@ class Intake:
             on_drop: called with the reason for each dropped message.
             clock: the time, seconds.
         """
-        self._log, self._kind, self._topic, self._on_drop, self._clock = node.get_logger(), kind, topic, on_drop, clock
-        self._logged = float("-inf")
+        self._log, self._kind, self._topic, self._on_drop = node.get_logger(), kind, topic, on_drop
+        self._throttle = Throttle(clock)
         #: Messages dropped so far.
         self.dropped = 0
 
@@ -78,9 +76,7 @@ class Intake:
         why = shortened(why, _REASON)
         if self._on_drop is not None:
             self._on_drop(why)
-        now = self._clock()
-        if now - self._logged >= THROTTLE:
-            self._logged = now
+        if self._throttle.due():
             self._log.warning(f"dropped {self.dropped} messages on {self._topic} so far; the last one: {why}")
 
 

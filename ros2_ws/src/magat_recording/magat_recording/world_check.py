@@ -1,18 +1,14 @@
-"""Validation of World and RobotStatus messages before they are shown or kept. Free of ROS."""
+"""Validation of World messages before they are shown or kept. Free of ROS."""
 
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from magat_node.names import InvalidNameError, check_robot_name
-from magat_node.text import shortened
+from magat_node.status_check import names_fault
 from magat_sim.grid import inside
 
 #: Most cells of a map that is shown: a map is drawn cell by cell, also one of which the message has only the size.
 MOST_CELLS = 2**24
-#: Longest text in a status, characters. Robots shorten what they quote.
-LONGEST_TEXT = 1000
 _COLUMNS = ("x", "y", "goal_x", "goal_y", "action", "moved", "silent", "missing", "visited")
 
 
@@ -32,26 +28,3 @@ def fault(world: Any) -> str | None:
     if not inside((world.height, world.width), places).all():
         return f"robots or goals are not on {world.width} x {world.height} cells"
     return names_fault(tuple(world.robots))
-
-
-@lru_cache(maxsize=4)
-def names_fault(names: tuple[str, ...]) -> str | None:
-    """Why these cannot be the names of a team's robots, as the end of a sentence; None if they can."""
-    if len(set(names)) < len(names):
-        return "robots have one name"
-    for name in names:
-        try:
-            check_robot_name(name)
-        except InvalidNameError:
-            return f"a robot has the name {shortened(name)!r}"
-    return None
-
-
-def status_fault(status: Any) -> str | None:
-    """Why a RobotStatus message cannot be used, as the end of a sentence; None if it can."""
-    if not status.robots:
-        return "there are no robots"
-    for name in ("policy", "digest", "encoding", "radio", "refusal", "last_drop"):
-        if len(getattr(status, name)) > LONGEST_TEXT:
-            return f"the field {name} has {len(getattr(status, name))} characters"
-    return names_fault(tuple(status.robots))

@@ -4,11 +4,15 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
+from magat_node.text import shortened
 from magat_robot.policy.backends import load_policy
 from magat_robot.policy.config import ModelError, PolicyConfig
 from magat_robot.policy.folder import write_files
 from magat_robot.policy.interface import RobotPolicy
 from magat_robot.policy.payload import longest_payload
+
+#: Most characters of a refusal, which may quote the files of a stranger.
+_LONGEST_REFUSAL = 500
 
 
 class PolicySlot:
@@ -23,7 +27,7 @@ class PolicySlot:
 
         Args:
             policy: the policy that the process starts with. Its encoding is kept for all deployed policies.
-            backend: one of `magat_robot.policy.backends.BACKENDS`; also for deployed policies.
+            backend: one of `magat_robot.policy.config.BACKENDS`; also for deployed policies.
             max_payload: the longest payload in bytes that a policy may send; 0: as long as that of ``policy``.
 
         Raises:
@@ -55,7 +59,7 @@ class PolicySlot:
         try:
             self._next = self._load(digest, files)
         except (ModelError, OSError) as error:  # OSError: e.g. the disk is full
-            self.refusal = str(error)
+            self.refusal = shortened(error, _LONGEST_REFUSAL)
 
     def switch(self, number: int) -> bool:
         """Switch to the policy of deployment ``number`` if it is prepared; True if the policy changes."""

@@ -4,6 +4,8 @@ import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from magat_node.text import shortened
+
 #: How long an answer to a hello, or a status, is valid, seconds.
 FRESH = 1.0
 #: A robot that is silent in this many consecutive ticks is absent until it answers a hello.
@@ -130,7 +132,8 @@ class Team:
         if len(carried) < 2 and all(equipment.radio == radio for equipment in carried):
             return None
         kinds = "; ".join(
-            f"{', '.join(names)}: policy {kind.digest[:12]}, {kind.encoding}, {kind.radio} radio"
+            f"{', '.join(names)}: policy {shortened(kind.digest[:12])}, {shortened(kind.encoding)}, "
+            f"{shortened(kind.radio)} radio"
             for kind, names in carried.items()
         )
         return f"the team does not fit together (the simulator's radio is {radio}; {kinds}): start all with the same"

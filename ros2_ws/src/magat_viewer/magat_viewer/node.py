@@ -16,8 +16,9 @@ from magat_interfaces.msg import Observation, Preference, RobotStatus, World
 from magat_node import cdr
 from magat_node.errors import UnusableMessageError
 from magat_node.intake import Intake, PolledSubscription
+from magat_node.status_check import status_fault
 from magat_node.topics import FEATURE, HEARD, OBSERVATION, PREFERENCE, ROBOT_STATUS, WORLD, Topic
-from magat_recording.world_check import fault, status_fault
+from magat_recording.world_check import fault
 from magat_robot.policy.backends import load_computed
 from magat_robot.policy.computed import ComputedPolicy
 from magat_robot.policy.config import OBSERVATION_SHAPE, ModelError

@@ -18,8 +18,10 @@ import psutil
 from aiohttp import WSMsgType, web
 
 from magat_node.plain import plain
+from magat_node.text import shortened
 from magat_viewer.address import HOST, listen
 from magat_viewer.health import HealthReport
+from magat_viewer.request_log import RequestLog
 from magat_viewer.source import Source
 from magat_viewer.theme import robot_colours
 from magat_viewer.watched_episode import EpisodeResult
@@ -130,7 +132,7 @@ class PageServer:
         for name in ("", *_FILES):
             app.router.add_get(f"/{name}", self._file)
         app.router.add_get("/socket", self._follow)
-        runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.5)
+        runner = web.AppRunner(app, access_log=None, logger=RequestLog().logger(), shutdown_timeout=0.5)
         await runner.setup()
         await web.SockSite(runner, self._socket).start()
         self._started.set()
@@ -145,10 +147,10 @@ class PageServer:
     async def _guard(self, request: web.Request, handler: Any) -> web.StreamResponse:
         """Refuse requests of other sites: another origin, or another host name that resolves to this address."""
         if _hostname(request.host) not in self._names:
-            return web.Response(status=403, text=f"this server has no name {request.host}\n")
+            return web.Response(status=403, text=f"this server has no name {shortened(request.host)}\n")
         origin = request.headers.get("Origin")
         if origin is not None and origin != f"http://{request.host}":
-            return web.Response(status=403, text=f"requests from pages of {origin} are refused\n")
+            return web.Response(status=403, text=f"requests from pages of {shortened(origin)} are refused\n")
         response = await handler(request)
         response.headers.update(_HEADERS)
         return response
@@ -256,7 +258,7 @@ def _take(browser: _Browser, text: str) -> bool:
     """Take a request of a browser: the robot, episode or tick that it shows; False if it is not valid."""
     try:
         values = json.loads(text)
-    except ValueError:
+    except (ValueError, RecursionError):
         return False
     if not isinstance(values, dict) or not values.keys() <= {"chosen", "episode", "tick"}:
         return False

@@ -40,7 +40,7 @@ def read_folder(folder: Path) -> tuple[PolicyConfig, str, bytes]:
         config, expected = PolicyConfig.from_json(stored["policy"]), stored["sha256"]
     except ModelError as error:
         raise ModelError(f"{config_file}: {error}") from error
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise ModelError(f"{config_file} is damaged ({error!r}): write it again or fetch the policy again") from error
     data = weights_file.read_bytes()
     digest = hashlib.sha256(data).hexdigest()

@@ -17,7 +17,8 @@ with quiet_imports():
     from magat_node.errors import UnusableMessageError
     from magat_node.parameters import declare_count, declare_seconds, declare_value
     from magat_node.run import run_node
-    from magat_recording.world_check import fault, status_fault
+    from magat_node.status_check import status_fault
+    from magat_recording.world_check import fault
     from magat_viewer.rviz.diagnostics import TeamDiagnostics
     from magat_viewer.rviz.markers import markers, occupancy, transforms
 

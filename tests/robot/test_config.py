@@ -124,7 +124,7 @@ def test_each_round_of_each_layer_has_its_size_of_messages(
 )
 def test_values_out_of_range_are_refused(values: dict) -> None:
     with pytest.raises(
-        ModelError, match=r"three channels|at most 16|the limit is 4096|temperature|float32, float16, int8"
+        ModelError, match=r"three channels|at most 16|the limit is 4096|temperature|float32, float16, int8|unknown CNN"
     ):
         PolicyConfig(**values)
 
@@ -246,7 +246,7 @@ def test_a_missing_key_is_refused(key: str) -> None:
         PolicyConfig.from_json(values)
 
 
-def test_policies_of_before_there_was_another_cnn_have_the_padded_one() -> None:
+def test_a_configuration_without_a_cnn_has_the_padded_one() -> None:
     values = PolicyConfig().to_json()
     del values["cnn"]
     assert PolicyConfig.from_json(values).cnn == "padded"

@@ -24,19 +24,21 @@ def plus(x: Planes, y: Planes) -> Planes:
     ]
 
 
-def convolved(x: Planes, layer: ConvNorm, stride: int = 1) -> Planes:
-    """Strided convolution with zero padding, then normalisation with the running statistics."""
+def convolved(x: Planes, layer: ConvNorm, stride: int = 1, padded: bool = True) -> Planes:
+    """Strided convolution, with zero padding or without, then normalisation with the running statistics."""
     weight, norm = layer.conv.weight.tolist(), layer.norm
-    height, width, around = len(x[0]), len(x[0][0]), len(weight[0][0]) // 2
+    height, width, kernel_size = len(x[0]), len(x[0][0]), len(weight[0][0])
+    around = kernel_size // 2 if padded else 0
+    rows, columns = (range(0, side + 2 * around - kernel_size + 1, stride) for side in (height, width))
     result = []
     for o, kernels in enumerate(weight):
         mean, variance, gain, bias = (
             values.tolist()[o] for values in (norm.running_mean, norm.running_var, norm.weight, norm.bias)
         )
         plane = []
-        for i in range(0, height, stride):
+        for i in rows:
             row = []
-            for j in range(0, width, stride):
+            for j in columns:
                 value = 0.0
                 for kernel, channel in zip(kernels, x, strict=True):
                     for a, weights in enumerate(kernel):
@@ -95,11 +97,11 @@ def test_the_extractor_is_a_stem_and_three_residual_blocks(
 
 
 def test_the_maps_of_a_centred_one_have_the_robot_in_their_middle(
-    random_network: Callable, views: torch.Tensor
+    random_network: Callable, fields_of_view: torch.Tensor
 ) -> None:
     extractor = random_network(channels=(3, 4, 5), cnn="centred").double().extractor
     expected = []
-    for view in views.tolist():
+    for view in fields_of_view.tolist():
         x = sigma(convolved(view, extractor.stem, 2, padded=False))
         shapes = [shape(x)]
         for block, stride in zip(extractor.blocks[:2], (2, 1), strict=True):
@@ -111,7 +113,7 @@ def test_the_maps_of_a_centred_one_have_the_robot_in_their_middle(
         x = sigma(plus(inner, convolved(x, last.skip, padded=False)))
         assert [*shapes, shape(x)] == [(3, 5, 5), (3, 3, 3), (4, 3, 3), (5, 1, 1)]
         expected.append(features(x, extractor.linear))
-    assert extractor(views).detach().numpy() == pytest.approx(np.array(expected), abs=1e-10)
+    assert extractor(fields_of_view).detach().numpy() == pytest.approx(np.array(expected), abs=1e-10)
 
 
 @pytest.mark.parametrize("layout", [torch.contiguous_format, torch.channels_last])

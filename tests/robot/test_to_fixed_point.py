@@ -9,10 +9,11 @@ import pytest
 import torch
 
 from magat_robot.policy import fixed_point as fp
-from magat_robot.policy.extractor import ConvNorm, FeatureExtractor
+from magat_robot.policy.extractor import ConvNorm, FeatureExtractor, WholeConvNorm
 from magat_robot.policy.graph import GraphLayer
+from magat_robot.policy.interface import Decision
 from magat_robot.policy.network import PolicyNetwork, to_fixed_point
-from magat_robot.policy.policy import Decision, Policy
+from magat_robot.policy.policy import Policy
 
 
 def on_grid(*shape: int, seed: int = 0) -> torch.Tensor:
@@ -54,10 +55,10 @@ def spread(request: pytest.FixtureRequest) -> float:
     return request.param
 
 
-@pytest.fixture(params=["MAGAT-F-16", "GNN_baseline-F-16"], ids=["residual", "plain"])
+@pytest.fixture(params=[("MAGAT-F-16", "padded"), ("MAGAT-F-16", "centred"), ("GNN_baseline-F-16", "padded")], ids=str)
 def extractor(request: pytest.FixtureRequest, random_network: Callable, spread: float) -> FeatureExtractor:
     """The fixed-point CNN of a network whose normalisations are scaled by ``spread``."""
-    network = random_network(request.param, channels=(8, 12, 16))
+    network = random_network(request.param[0], cnn=request.param[1], channels=(8, 12, 16))
     for module in network.modules():
         if isinstance(module, torch.nn.BatchNorm2d):
             module.weight.data.mul_(spread)
@@ -67,7 +68,8 @@ def extractor(request: pytest.FixtureRequest, random_network: Callable, spread: 
 def test_sums_of_deployed_convolutions_are_exact_in_float32(extractor: FeatureExtractor) -> None:
     for layer in extractor.modules():
         if isinstance(layer, ConvNorm):
-            x = on_grid(16, layer.conv.in_channels, 6, 6)
+            side = layer.conv.kernel_size[0] if isinstance(layer, WholeConvNorm) else 6
+            x = on_grid(16, layer.conv.in_channels, side, side)
             if layer.conv.in_channels == 3:  # the first one has inputs 0 and 1
                 x = (x > 3).float()
             exact = copy.deepcopy(layer).double()(x.double())

@@ -21,7 +21,7 @@ from magat_evaluation.cases import SolvedCase
 from magat_robot.policy.config import PolicyConfig
 from magat_training import trainer as trainer_module
 from magat_training.online import CORRECTIONS, Correction
-from magat_training.samples import Batch, Instants, Sampler
+from magat_training.samples import Batch, Instants, Pool, Sampler
 from magat_training.trainer import TrainConfig, Trainer
 from magat_training.workers import Workers
 

@@ -17,31 +17,32 @@ HEAVY = frozenset({"torch", "scipy", "pandas", "matplotlib", "aiohttp", "onnxrun
 #: ROS is looked for by these names, too.
 ROS = frozenset({"rclpy", "ament_index_python", "launch", "magat_interfaces", "std_msgs", "rcl_interfaces"})
 
-COMPUTES = {"torch", "scipy"}
+COMPUTES = {"scipy"}
 #: Which of the `HEAVY` ones each verb may import when it runs. Add a verb here.
 ALLOWED = {
-    "analyze": {"torch", "scipy", "pandas"},
+    "analyze": {"scipy", "pandas"},
     "bench_expert": {"scipy"},
-    "bench_runtime": {"torch", "scipy", "rclpy", "aiohttp"},
-    "bench_sim": COMPUTES,
-    "bench_training": COMPUTES,
-    "bench_view": {"torch", "scipy", "rclpy"},
+    "bench_runtime": {"scipy", "rclpy", "aiohttp"},
+    "bench_sim": COMPUTES | {"torch"},
+    "bench_training": COMPUTES | {"torch"},
+    "bench_view": {"scipy", "rclpy"},
     "data": {"scipy"},
     "deploy": {"rclpy"},
     "env": set(),
     "evaluate": COMPUTES | {"matplotlib"},
-    "export": {"torch", "onnxruntime"},
+    "export": set(),
     "frontier": COMPUTES | {"matplotlib"},
     "measure": COMPUTES,
     "models": COMPUTES,
-    "plot": {"torch", "scipy", "pandas", "matplotlib"},
+    "plot": {"scipy", "pandas", "matplotlib"},
     "pogema": COMPUTES,
     "record": {"rclpy"},
     "recover": set(),
     "replay": {"scipy", "rclpy", "aiohttp"},
     "results": COMPUTES | {"matplotlib"},
     "run": {"scipy", "rclpy", "matplotlib"},
-    "train": COMPUTES,
+    "train": COMPUTES | {"torch"},
+    "tune": COMPUTES,
     "view": {"scipy", "rclpy", "aiohttp"},
 }
 NEED_ROS = {"bench_runtime", "bench_view", "deploy", "env", "record", "replay", "run", "view"}

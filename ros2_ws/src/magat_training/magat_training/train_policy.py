@@ -15,6 +15,7 @@ from magat_evaluation.splits import SET_SEED, SET_SIZE, SPLITS
 from magat_evaluation.tables import markdown
 from magat_node import interruption
 from magat_node.progress import progress_bars
+from magat_robot.policy.backends import ensure_exported
 from magat_robot.policy.config import ModelError
 from magat_robot.policy.store import CARD, save
 from magat_training.card import card
@@ -123,4 +124,6 @@ def _write_policy(
         reports = measure(folder, STANDARD_SETS, console)
         (folder / CARD).write_text(f"{text}\n## Measures\n\n{markdown(reports, digest)}\n")
     shutil.copy(trainer.folder / "log.jsonl", folder / "log.jsonl")
+    with console.status("exporting the policy for onnxruntime"):
+        ensure_exported(folder)
     console.print(f"{trainer.config.policy.name}, digest {digest[:12]}: {folder}")

@@ -12,7 +12,6 @@ from magat_robot.policy.config import ModelError
 from magat_robot.policy.folder import EXPORT, read_export, read_folder
 from magat_robot.policy.interface import RobotPolicy
 
-
 #: What to do where torch is needed but not installed.
 _NO_TORCH = "install what training needs, requirements-train.txt"
 

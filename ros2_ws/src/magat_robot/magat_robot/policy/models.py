@@ -9,13 +9,20 @@ from magat_robot.policy.folder import CONFIG, WEIGHTS, read_folder
 
 
 def model_folders() -> Iterator[Path]:
-    """The folders that policies are searched in: ``$MAGAT_MODELS``, ``./models``, and ``models`` of this checkout."""
+    """The folders that policies are searched in.
+
+    ``$MAGAT_MODELS``, ``./models``, and the one of this installation, or of this checkout if its modules are linked to.
+    """
     if "MAGAT_MODELS" in os.environ:
         yield Path(os.environ["MAGAT_MODELS"])
     yield Path("models")
     for parent in Path(__file__).resolve().parents:
-        if (parent / "ros2_ws").is_dir():
-            yield parent / "models"
+        if (parent / "share" / "magat_robot" / "models").is_dir():
+            yield parent / "share" / "magat_robot" / "models"
+            return
+        if (parent / "package.xml").is_file():
+            yield (parent / "models").resolve()
+            return
 
 
 def find_policy(name: str) -> Path:

@@ -6,6 +6,7 @@ from unittest import mock
 
 import pytest
 import rclpy
+from hostile import MALFORMED
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.experimental import EventsExecutor
 from rclpy.serialization import serialize_message
@@ -16,8 +17,6 @@ from magat_node import cdr, qos, topics
 from magat_node.errors import UnusableMessageError
 from magat_node.intake import Intake
 from magat_node.text import THROTTLE
-
-MALFORMED = [b"\0\1\0\0" + b"\xff" * 40, b"\0\1\0\0", b"\xff" * 600, serialize_message(World(robots=["a"]))[:-9]]
 
 
 @pytest.fixture

@@ -1,17 +1,19 @@
 """The recorder alone: when it reports that it receives everything, and what it refuses."""
 
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import rclpy
+from hostile import HOSTILE
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import Empty
 
 from magat_bringup.environment import own_domain
-from magat_interfaces.msg import Observation, RobotStatus
+from magat_interfaces.msg import Observation, RobotStatus, World
 from magat_node import qos
 from magat_node.topics import RECORDER_READY
 from magat_recording.bag import read_bag
@@ -84,6 +86,35 @@ def test_it_is_ready_after_a_status_and_an_observation_of_each_robot(context, tm
     node.destroy_node()
     team.destroy_node()
     assert sum(m.type.endswith("/RobotStatus") for m in read_bag(tmp_path / "bag")) == 2
+
+
+def test_no_message_of_a_stranger_ends_it_and_all_are_recorded(context, tmp_path):
+    node = recorder(context, tmp_path / "bag", "alice")
+    team: Node = rclpy.create_node("team", context=context)
+    executor = SingleThreadedExecutor(context=context)
+    for one in (node, team):
+        executor.add_node(one)
+    kinds = {"world": World, "robot_status": RobotStatus}
+    ends = {name: team.create_publisher(kind, name, qos.reliable(64)) for name, kind in kinds.items()}
+
+    def spin(until) -> None:
+        deadline = time.monotonic() + 20.0
+        while not until():
+            assert time.monotonic() < deadline
+            executor.spin_once(timeout_sec=0.02)
+
+    spin(lambda: all(end.get_subscription_count() for end in ends.values()))
+    for name, end in ends.items():
+        for data in HOSTILE[name]:
+            end.publish(data)
+    ends["robot_status"].publish(RobotStatus(robots=["alice"]))
+    spin(lambda: not node._missing_statuses)
+    executor.remove_node(node)
+    node.destroy_node()
+    team.destroy_node()
+    assert node.bag.messages >= len(HOSTILE["world"]) + len(HOSTILE["robot_status"]) + 1
+    kept = [message for message in read_bag(tmp_path / "bag") if message.topic == "/robot_status"]
+    assert kept[-1].message.robots == ["alice"], "what cannot be decoded is left out"
 
 
 @pytest.mark.parametrize("given", [{}, {"bag": "somewhere"}, {"robots": ["alice"]}], ids=str)

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import rclpy
+from hostile import HOSTILE, MALFORMED
 
 from magat_bringup.environment import loopback, own_domain
 from magat_interfaces.msg import Feature, Observation, Preference, RobotStatus, World
@@ -283,3 +284,23 @@ def test_nan_does_not_reach_browsers(talk):
     talk.until(lambda: talk.team.detail(0, 0, 0).probabilities is not None, {0})
     found = json.loads(json.dumps(asdict(talk.team.detail(0, 0, 0)), allow_nan=False))
     assert found["probabilities"] == pytest.approx([0.0, 1.0, 0.0, 1.0, 0.6065])
+
+
+def test_no_message_of_a_stranger_ends_the_page(talk, capfd):
+    number = next(EPISODES)
+    show(talk, world(0, episode=number))
+    for topic, kind in (("world", World), ("robot_status", RobotStatus)):
+        talk.say(topic, kind(), qos.reliable(100), {0, 1})
+        for data in HOSTILE[topic]:
+            talk.say(topic, data, qos.reliable(100), {0, 1})
+    for data in MALFORMED:
+        talk.say("alice/observation", Observation(), qos.newest(10), {0, 1})
+        talk.say("alice/observation", data, qos.newest(10), {0, 1})
+    episode = talk.team.newest
+    show(talk, world(1, episode=number))
+    assert talk.team.newest == episode
+    talk.team.poll({0, 1})
+    said = capfd.readouterr().err
+    assert said.count("[viewer]: dropped") <= 3, "one line a topic"
+    assert len(said) < 1500
+    assert "remaining buffer" not in said

@@ -12,6 +12,7 @@ import rclpy
 import yaml
 from ament_index_python.packages import get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from hostile import HOSTILE
 from nav_msgs.msg import OccupancyGrid
 from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
@@ -332,6 +333,21 @@ def test_a_world_without_sense_does_not_end_the_node(viewed):
     viewed.send_world.publish(world(tick=6, episode=3))
     viewed.spin(lambda: drawn)
     assert len(drawn[0].markers) == 5
+
+
+def test_no_message_of_a_stranger_ends_the_node(viewed, capfd):
+    drawn = viewed.listen(MarkerArray, "markers")
+    for data in HOSTILE["world"]:
+        viewed.send_world.publish(data)
+    for data in HOSTILE["robot_status"]:
+        viewed.send_status.publish(data)
+    viewed.send_world.publish(world(tick=6, episode=4))
+    viewed.spin(lambda: drawn)
+    assert len(drawn) == 1
+    said = capfd.readouterr().err
+    assert said.count("[rviz_bridge]: dropped") <= 2
+    assert len(said) < 1000
+    assert "remaining buffer" not in said
 
 
 def test_a_cell_needs_a_size(viewed):

@@ -48,7 +48,7 @@ spec = importlib.util.spec_from_file_location("team_launch", sys.argv[1])
 file = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(file)
 *_, start = file.generate_launch_description()
-for node in start(object()):
+for node in start(SimpleNamespace(launch_configurations={})):
     if isinstance(node, SimpleNamespace):
         print(node.package, node.executable)
 """

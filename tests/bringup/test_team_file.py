@@ -1,22 +1,19 @@
 """Teams from files: what is refused, and that `magat run` and the launch file start the same processes alike."""
 
-import importlib.util
 import os
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from importlib.metadata import entry_points
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 from unittest import mock
 
 import pytest
 import rclpy
 import yaml
-from ament_index_python.packages import get_package_prefix, get_package_share_directory
+from launched import SHARE, executable_of, launched, some_launch
 from rcl_interfaces.srv import GetParameters
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -25,11 +22,15 @@ from magat_bringup.environment import loopback, own_domain
 from magat_bringup.processes import TeamProcesses
 from magat_bringup.team import ENVIRONMENT, Command, TeamFile, TeamFileError, TeamPlan
 from magat_cli.main import main
-from magat_robot.policy.config import ModelError
 from magat_robot.policy.models import find_policy
 
-SHARE = Path(get_package_share_directory("magat_bringup"))
 POLICY = "MAGAT-F-128"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def launch() -> Iterator[None]:
+    with some_launch():
+        yield
 
 
 @pytest.fixture
@@ -107,123 +108,6 @@ def test_the_module_needs_neither_ros_nor_launch():
 
 
 # --- Launch ---
-
-
-@dataclass
-class LaunchStandIn:
-    """As much of `launch` and `launch_ros` as the launch file uses, where ROS's own are not installed (no wheels)."""
-
-    modules: dict[str, ModuleType] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        class Context:
-            def __init__(self) -> None:
-                self.launch_configurations: dict[str, str] = {}
-
-        class Description:
-            def __init__(self, entities: list) -> None:
-                self.entities = entities
-
-        class Argument:
-            def __init__(
-                self, name: str, *, default_value: str, description: str, choices: list[str] | None = None
-            ) -> None:
-                assert choices is None or default_value in choices
-                self.name, self.default_value, self.choices = name, default_value, choices
-
-            def execute(self, context: Context) -> None:
-                value = context.launch_configurations.setdefault(self.name, self.default_value)
-                assert self.choices is None or value in self.choices
-
-        class Function:
-            def __init__(self, *, function: Callable) -> None:
-                self.execute = function
-
-        class Shutdown:
-            def __init__(self, *, reason: str) -> None:
-                self.reason = reason
-
-        class Configuration:
-            def __init__(self, name: str) -> None:
-                self.name = name
-
-            def perform(self, context: Context) -> str:
-                return context.launch_configurations[self.name]
-
-        class Node:
-            def __init__(
-                self,
-                *,
-                package: str,
-                executable: str,
-                exec_name: str | None = None,
-                arguments: list[str] | None = None,
-                ros_arguments: list[str] | None = None,
-                additional_env: dict[str, str] | None = None,
-                output: str = "log",
-                on_exit: Shutdown | None = None,
-                respawn: bool = False,
-                respawn_delay: float | None = None,
-                respawn_max_retries: int = -1,
-            ) -> None:
-                assert not (respawn and on_exit), "its first end would be that of all"
-                self.respawn, self.on_exit = respawn, on_exit
-                ros = ["--ros-args", *ros_arguments] if ros_arguments is not None else []
-                program = executable_of(package, executable) if package != "rviz2" else "rviz2"
-                self.cmd = [program, *(arguments or []), *ros, "--ros-args"]
-                self.additional_env = additional_env
-
-        def perform_substitutions(_: Context, part: str) -> str:
-            return part
-
-        contents = {
-            "launch": {"LaunchContext": Context, "LaunchDescription": Description},
-            "launch.actions": {"DeclareLaunchArgument": Argument, "OpaqueFunction": Function, "Shutdown": Shutdown},
-            "launch.substitutions": {"LaunchConfiguration": Configuration},
-            "launch.utilities": {"perform_substitutions": perform_substitutions},
-            "launch_ros": {},
-            "launch_ros.actions": {"Node": Node},
-        }
-        for name, members in contents.items():
-            self.modules[name] = ModuleType(name)
-            vars(self.modules[name]).update(members)
-
-
-def executable_of(package: str, executable: str) -> str:
-    path = Path(get_package_prefix(package)) / "lib" / package / executable
-    assert os.access(path, os.X_OK), f"ros2 run {package} {executable} does not exist: run `make setup`"
-    return str(path)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def launch() -> Iterator[None]:
-    """The real `launch` where it is installed, else the stand-in."""
-    missing = importlib.util.find_spec("launch_ros") is None
-    with mock.patch.dict(sys.modules, LaunchStandIn().modules if missing else {}):
-        yield
-
-
-def launched(skip: int = 0, **arguments: str) -> list[list[str]]:
-    """The command lines, without their first ``skip`` words, that the installed launch file starts."""
-    from launch import LaunchContext  # noqa: I001  (to ruff, `launch` is our folder of that name)
-    from launch.utilities import perform_substitutions
-
-    context = LaunchContext()
-    nodes = launched_nodes(context, **arguments)
-    return [[perform_substitutions(context, part) for part in node.cmd[skip:]] for node in nodes]
-
-
-def launched_nodes(context: Any, **arguments: str) -> list:
-    """The actions of the installed launch file."""
-    spec = importlib.util.spec_from_file_location("team_launch", SHARE / "launch" / "team.launch.py")
-    file: Any = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(file)
-    context.launch_configurations.update(arguments)
-    *declared, start = file.generate_launch_description().entities
-    assert arguments.keys() <= {argument.name for argument in declared}
-    for argument in declared:
-        argument.execute(context)
-    return start.execute(context)
 
 
 def as_launched(command: Command) -> list[str]:
@@ -318,28 +202,10 @@ def test_both_start_the_same_where_nothing_is_said(tmp_path):
     assert launched() == [as_launched(command) for command in by_run]
     assert len(launched(rviz="false")) == 3
     alone = TeamPlan(TeamFile.numbered(10), find_policy(POLICY), rviz=True, robots=False, server=True).commands()
-    assert launched(robots="false", server="true") == [as_launched(command) for command in alone]
-    # RViz itself need not be there.
-    assert launched(skip=1, rviz_window="true")[-1][:2] == ["-d", str(SHARE / "config" / "team.rviz")]
-
-
-@pytest.mark.skipif(importlib.util.find_spec("launch_ros") is not None, reason="real actions do not tell")
-def test_what_ends_is_started_again_or_ends_the_rest():
-    from launch import LaunchContext
-
-    again = launched_nodes(LaunchContext())
-    assert [(node.respawn, node.on_exit is not None) for node in again] == [(False, True)] + [(True, False)] * 3
-    assert "--respawn" in again[0].cmd
-    not_again = launched_nodes(LaunchContext(), respawn="false")
-    assert [(node.respawn, node.on_exit is not None) for node in not_again] == [(False, True)] * 3 + [(False, False)]
-    assert "--respawn" not in not_again[0].cmd
-
-
-def test_the_launch_file_says_what_is_wrong(tmp_path):
-    with pytest.raises(TeamFileError, match=r"no-team\.yaml"):
-        launched(team=str(tmp_path / "no-team.yaml"))
-    with pytest.raises(ModelError, match="no-such-policy"):
-        launched(policy="no-such-policy")
+    address = {"ROS_DISCOVERY_SERVER": "127.0.0.1:7902", "MAGAT_ADDRESS": "127.0.0.1"}
+    with mock.patch.dict(os.environ, address):
+        started_alone = launched(robots="false", server="true")
+    assert started_alone == [as_launched(command) for command in alone]
 
 
 def test_a_module_and_an_executable_are_the_same_program(tmp_path):

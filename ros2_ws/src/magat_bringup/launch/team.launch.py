@@ -7,16 +7,21 @@
 
 # ruff: noqa: I001  (to ruff, `launch` is the folder that this file is in)
 
+import time
 from pathlib import Path
+from typing import Any
 
 from ament_index_python.packages import get_package_share_directory
-from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
+from launch import Action, LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, Shutdown, TimerAction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+from magat_bringup.launch_checks import check_launch, number
 from magat_bringup.team import ENVIRONMENT, Command, TeamFile, TeamPlan
-from magat_node.restarts import RESTARTS
+from magat_node.errors import TeamError
+from magat_node.names import team_namespace
+from magat_node.restarts import TRIES, RestartLimit
 from magat_robot.policy.config import BACKENDS, ENCODINGS
 from magat_robot.policy.models import find_policy
 from magat_sim.constants import SHIELD_NAMES
@@ -47,7 +52,10 @@ def generate_launch_description() -> LaunchDescription:
                 "link_loss", default_value="0.0", description="share of the radio links that are lost in each tick"
             ),
             DeclareLaunchArgument(
-                "shield", default_value="idle", choices=list(SHIELD_NAMES), description="what keeps robots from colliding"
+                "shield",
+                default_value="idle",
+                choices=list(SHIELD_NAMES),
+                description="what keeps robots from colliding",
             ),
             DeclareLaunchArgument(
                 "encoding",
@@ -83,6 +91,9 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "rviz_window", default_value="false", choices=SWITCH, description="RViz itself, with its layout"
             ),
+            DeclareLaunchArgument(
+                "namespace", default_value="", description="of the whole team, so that teams can share a ROS domain"
+            ),
             OpaqueFunction(function=start),
         ]
     )
@@ -92,8 +103,8 @@ def start(context: LaunchContext) -> list[Node]:
     """The processes.
 
     Raises:
-        TeamFileError: the team file or the parameter file cannot be used.
-        ModelError: there is no such policy.
+        MagatError: an argument, the team file, the parameter file, the policy or a variable of the shell cannot be
+            used. Launch prints it in a line, and ends with status 1; nothing was started.
     """
 
     def given(name: str) -> str:
@@ -103,33 +114,70 @@ def start(context: LaunchContext) -> list[Node]:
         TeamFile.read(Path(given("team"))),
         find_policy(given("policy")),
         radio=given("radio"),
-        link_loss=float(given("link_loss")),
+        link_loss=number("link_loss", given("link_loss"), float),
         shield=given("shield"),
         encoding=given("encoding"),
         backend=given("backend"),
         params=Path(given("params")) if given("params") else None,
         rviz=given("rviz") == "true",
-        view=int(given("view")) if given("view") else None,
+        view=int(number("view", given("view"), int)) if given("view") else None,
         respawn=given("respawn") == "true",
         robots=given("robots") == "true",
         server=given("server") == "true",
         record=Path(given("record")) if given("record") else None,
     )
-    nodes = [node(command, plan.respawn) for command in plan.commands()]
-    if given("rviz_window") == "true":
-        layout = ["-d", str(CONFIG / "team.rviz")]
-        nodes.append(Node(package="rviz2", executable="rviz2", arguments=layout, output="log"))
-    return nodes
+    window = given("rviz_window") == "true"
+    check_launch(plan, window)
+    # Processes are started again outside of the group that pushed a namespace, so theirs are absolute.
+    namespace = given("namespace")
+    pushed = "" if namespace.startswith("/") else context.launch_configurations.get("ros_namespace", "")
+    team = team_namespace(f"{pushed}/{team_namespace(namespace)}".replace("//", "/"))
+    nodes = [node(command, team, Endings(command, team, plan.respawn)) for command in plan.commands()]
+    return [*nodes, rviz(team)] if window else nodes
 
 
-def node(command: Command, respawn: bool) -> Node:
-    """The launch action that starts a process; without it there is no team, except for what only shows it."""
-    if respawn and command.again and command.name != "robots":  # which starts its processes again by itself
-        ending = {"respawn": True, "respawn_delay": 1.0, "respawn_max_retries": RESTARTS}
-    else:
-        ending = (
-            {} if command.name in ("rviz_bridge", "viewer") else {"on_exit": Shutdown(reason=f"{command.name} ended")}
-        )
+def rviz(team: str) -> Node:
+    """RViz with the layout of a team in the root, whose topics and frame it moves to the namespace ``team``."""
+    arguments, moved = ["-d", str(CONFIG / "team.rviz")], []
+    if team:
+        arguments += ["-f", f"{team.strip('/')}/map"]
+        moved = ["-r", f"/map:={team}/map", "-r", f"/markers:={team}/markers"]
+    return Node(
+        package="rviz2", executable="rviz2", arguments=arguments, ros_arguments=moved, output="log", **placed(team)
+    )
+
+
+class Endings:
+    """What is done when a process ends: the same as by `magat run`, see `magat_bringup.processes`."""
+
+    def __init__(self, command: Command, team: str, respawn: bool) -> None:
+        """Restart the process of ``command``, in the namespace ``team``, where it makes sense, if ``respawn``."""
+        self._command, self._team = command, team
+        self._respawn = respawn and command.again
+        self._kills, self._exits = RestartLimit(), RestartLimit(TRIES)
+
+    def __call__(self, event: Any, context: LaunchContext) -> list[Action]:
+        """Start it again, go on without it, or end the launch; ``event`` is a ProcessExited.
+
+        Raises:
+            TeamError: it is needed and cannot be started again. Launch ends all others, and with status 1.
+        """
+        command, status, killed = self._command, event.returncode, event.returncode < 0
+        if context.is_shutdown:
+            return []
+        restarts = self._respawn and (killed or command.observer)
+        if restarts and (self._kills if killed else self._exits).allows(time.monotonic()):
+            return [TimerAction(period=1.0, actions=[node(command, self._team, self)])]
+        if command.observer:
+            return [LogInfo(msg=f"{command.name} is not started again: the team goes on without it")]
+        how = f"was killed by signal {-status}" if killed else f"ended with status {status}"
+        if status == 0:
+            return [Shutdown(reason=f"{command.name} {how}")]
+        raise TeamError(f"{command.name} {how}, and is not started again: the team ends")
+
+
+def node(command: Command, team: str, on_exit: Endings) -> Node:
+    """The launch action that starts a process of the team in the namespace ``team``."""
     return Node(
         package=command.package,
         executable=command.executable,
@@ -138,5 +186,11 @@ def node(command: Command, respawn: bool) -> Node:
         ros_arguments=list(command.ros_arguments),
         additional_env=ENVIRONMENT,
         output="screen",
-        **ending,
+        on_exit=on_exit,
+        **placed(team),
     )
+
+
+def placed(team: str) -> dict[str, str]:
+    """The argument of a node in the namespace ``team``."""
+    return {"namespace": team} if team else {}

@@ -24,6 +24,7 @@ def check_run(plan: RunPlan, team: TeamPlan) -> None:
         BagError: the bag to record to exists.
         TeamFileError: the parameter file does not exist.
     """
+    team.check()
     team.commands()
     read_folder(team.policy)
     _check_episodes(plan, len(team.team.robots))

@@ -13,11 +13,9 @@ from typing import IO, Self
 from magat_bringup.team import ENVIRONMENT, TeamPlan
 from magat_node.errors import TeamError
 from magat_node.parent import end_with_parent
-from magat_node.restarts import RestartLimit
+from magat_node.restarts import TRIES, RestartLimit
 from magat_node.text import log_line, shortened
 
-#: How often an observer that ends by itself is started again; it may fail for the same reason.
-_TRIES = 2
 #: How long processes may take to end after SIGTERM before they are killed, seconds.
 GRACE = 5.0
 
@@ -53,7 +51,7 @@ class TeamProcesses:
         self._running: dict[str, subprocess.Popen[bytes]] = {}
         self._starts = dict.fromkeys(self._commands, 0)
         self._kills = {name: RestartLimit() for name in self._commands}
-        self._exits = {name: RestartLimit(_TRIES) for name in self._commands}
+        self._exits = {name: RestartLimit(TRIES) for name in self._commands}
         #: Observers that are not started again, and why.
         self.given_up: dict[str, str] = {}
         self._outputs: dict[str, IO[bytes]] = {}

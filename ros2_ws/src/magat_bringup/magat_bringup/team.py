@@ -55,10 +55,7 @@ class TeamFile:
         Raises:
             TeamFileError: there is no such file, or it does not describe a team.
         """
-        try:
-            content: Any = yaml.safe_load(path.read_text())
-        except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-            raise TeamFileError(f"the team file {path} cannot be read: {error}") from error
+        content = _read_yaml(path, "team file")
         try:
             if not isinstance(content, dict) or not isinstance(content.get("robots"), list):
                 raise TeamFileError("it has no list of names under the key robots, such as robots: [alice, bob]")
@@ -156,6 +153,19 @@ class TeamPlan:
         """How long an episode waits for missing robots, seconds; it grows with the number of processes."""
         return max(60.0, 2.0 * self.team.processes) if self.ready_timeout is None else self.ready_timeout
 
+    def check(self) -> None:
+        """Check the values, whatever they are taken from.
+
+        Raises:
+            TeamFileError: one is out of range, or the parameter file cannot be used.
+        """
+        if not 0.0 <= self.link_loss <= 1.0:  # NaN is not
+            raise TeamFileError(f"the link loss is {self.link_loss:g}: give a share of the links, 0 to 1")
+        if self.view is not None and not 0 < self.view < 2**16:
+            raise TeamFileError(f"the port of the page is {self.view}: give a TCP port, 1 to {2**16 - 1}")
+        if self.params is not None:
+            _check_parameters(self.params, _read_yaml(self.params, "parameter file"))
+
     def command(self, name: str) -> Command:
         """How the process ``name`` is started; see `commands`."""
         return next(command for command in self.commands() if command.name == name)
@@ -245,6 +255,39 @@ class TeamPlan:
                 )
             )
         return [replace(command, namespace=self.namespace) for command in started]
+
+
+def _read_yaml(path: Path, what: str) -> Any:
+    """The content of a YAML file; an error is one line."""
+    try:
+        return yaml.safe_load(path.read_text())
+    except OSError as error:
+        why = error.strerror or str(error)
+    except UnicodeDecodeError:
+        why = "it is not text"
+    except yaml.MarkedYAMLError as error:
+        place = f"line {error.problem_mark.line + 1}: " if error.problem_mark is not None else ""
+        why = f"{place}{error.problem}"
+    except yaml.YAMLError as error:
+        why = " ".join(str(error).split())
+    raise TeamFileError(f"the {what} {path} cannot be read: {why}")
+
+
+def _check_parameters(path: Path, content: Any, node: str = "") -> None:
+    """Check that a parameter file has the form that ROS expects: nodes, then ``ros__parameters``, then values."""
+    if not isinstance(content, dict) or not content:
+        what = f"under {node} there is" if node else "it holds"
+        raise TeamFileError(
+            f"the parameter file {path} cannot be used: {what} {content!r}, not the names of nodes with ros__parameters"
+        )
+    for name, below in content.items():
+        if name != "ros__parameters":
+            _check_parameters(path, below, f"{node}/{name}".replace("//", "/") if node else str(name))
+        elif not node or not isinstance(below, dict):
+            raise TeamFileError(
+                f"the parameter file {path} cannot be used: ros__parameters of {node or 'no node'} is {below!r}, not "
+                "names with values under the name of a node"
+            )
 
 
 class PagePlan(TeamPlan):

@@ -5,6 +5,8 @@ from collections import deque
 #: A process that a signal has killed is started again at most this often in so many seconds. Over a run of days any
 #: number of kills is fine; a process that is killed as soon as it starts is not.
 RESTARTS, WINDOW = 10, 600.0
+#: How often a process that only watches the team and ends by itself is started again; it may fail for the same reason.
+TRIES = 2
 
 
 class RestartLimit:

@@ -44,10 +44,11 @@ ROSDEP_KEYS = {
     "numpy": "python3-numpy",
     "pandas": "python3-pandas",
     "psutil": "python3-psutil",
+    "rich": "python3-rich",
     "scipy": "python3-scipy",
     "yaml": "python3-yaml",
 }
-#: Libraries without a rosdep key, or needed at a pinned version; requirements.txt installs them.
+#: Libraries for which rosdep has no package of the system, or too old a one; the files requirements-*.txt have them.
 FROM_PIP = {
     "mcap",
     "mcap_ros2",
@@ -56,11 +57,10 @@ FROM_PIP = {
     "onnxscript",
     "playwright",
     "pogema",  # by requirements-pogema.txt
-    "rich",
     "safetensors",
     "tensorboardX",
     "torch",
-    "zstandard",  # comes with mcap
+    "zstandard",
 }
 #: Not in any manifest: robots have no screen, and only team.launch.py with rviz:=true starts it.
 OPTIONAL = {"rviz2"}

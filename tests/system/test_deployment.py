@@ -109,7 +109,7 @@ def test_all_switch_at_the_end_of_the_episode_and_walk_as_the_new_policy(start_t
 
 def test_one_refuses_and_nobody_switches(start_team, policy_folder, other, talkative):
     limits = {"robot": {"max_payload": 4096}, "robot_3/robot": {"max_payload": 600}}
-    with start_team(10, parameters=limits) as team:
+    with start_team(10, parameters=limits, backend="torch") as team:
         deployer = Deployer(team)
         deployer.send(talkative)
         said = deployer.error()

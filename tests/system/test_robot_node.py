@@ -55,7 +55,7 @@ def node(two_rounds):
     made = []
 
     def make(robots, **parameters):
-        overrides = {"policy": str(two_rounds), "robots": robots} | parameters
+        overrides = {"policy": str(two_rounds), "backend": "torch", "robots": robots} | parameters
         parameters = [Parameter(name, value=value) for name, value in overrides.items()]
         node = RobotNode(context=context, namespace=f"/{robots[0]}", parameter_overrides=parameters)
         made.append(node)

@@ -1,5 +1,7 @@
 """Nodes that join a team for a command leave nothing behind."""
 
+from unittest import mock
+
 import psutil
 import pytest
 from rclpy.action import ActionClient
@@ -7,6 +9,7 @@ from std_msgs.msg import Empty
 
 from magat_bringup.environment import loopback, own_domain
 from magat_interfaces.action import RunEpisode
+from magat_node.teams import _teams
 from magat_node.visitor import Visitor
 
 
@@ -31,3 +34,12 @@ def test_a_visitor_that_has_left_holds_no_threads_and_no_sockets(monkeypatch: py
                 visitor.spin(lambda: False, 0.1)
             left.append((here.num_threads(), here.num_fds()))
     assert left[1] == left[2]
+
+
+def test_a_stranger_that_calls_itself_simulator_is_no_team() -> None:
+    node = mock.Mock()
+    node.get_node_names_and_namespaces.return_value = [("simulator", "/"), ("simulator", "/red")]
+    world, observation = "magat_interfaces/msg/World", "magat_interfaces/msg/Observation"
+    published = {"/": [("/world", [world])], "/red": [("/red/world", [world]), ("/red/bob/observation", [observation])]}
+    node.get_publisher_names_and_types_by_node.side_effect = lambda _, namespace: published[namespace]
+    assert [(team.namespace, team.robots) for team in _teams(node)] == [("/red", ["bob"])]

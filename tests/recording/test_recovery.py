@@ -11,6 +11,7 @@ from pathlib import Path
 from unittest import mock
 
 import pytest
+from hostile import HOSTILE, ONE_ROBOT
 from rclpy.serialization import serialize_message
 
 from magat_bringup.environment import loopback, own_domain
@@ -120,23 +121,15 @@ def test_what_strangers_sent_does_not_make_a_recording_unreadable(made):
             writer.add_topic(topic)
         world = next(m.topic for m in whole if m.type.endswith("/World"))
         status = next(m.topic for m in whole if m.type.endswith("/RobotStatus"))
-        for data in (
-            b"\0\1\0\0" + b"\xff" * 40,
-            b"",
-            b"\xff" * 600,
-            serialize_message(World()),
-            serialize_message(World(episode=1, robots=["no name"])),
-            serialize_message(
-                World(episode=2, robots=["mallory"], width=1, height=1, x=[0], y=[0], goal_x=[0], goal_y=[0],
-                      action=[0], moved=[0], silent=[False], visited=[False], missing=[0])
-            ),
-        ):  # fmt: skip
+        for data in [*HOSTILE["world"], serialize_message(World(episode=2, robots=["mallory"], **ONE_ROBOT))]:
             writer.write(world, data, first, first)
-        writer.write(status, b"\0\1\0\0" + b"\xff" * 40, first, first)
+        for data in HOSTILE["robot_status"]:
+            writer.write(status, data, first, first)
         for m in whole:
             writer.write(m.topic, m.data, m.received, m.sent)
     read = TeamRecording(made.bag.with_name("attacked"))
     assert read.names == expected.names
+    assert read.policies == expected.policies
     assert read.robots.equals(expected.robots)
 
 

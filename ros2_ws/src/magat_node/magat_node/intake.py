@@ -54,7 +54,7 @@ class Intake:
             except Exception as error:  # its type depends on the middleware
                 self.drop(f"it is malformed ({error})")
                 return None
-        self.drop(f"its {len(data)} bytes are not a {self._kind.__name__}")
+        self.drop(f"its {len(data)} bytes are no message of the type {self._kind.__name__}")
         return None
 
     def deliver(self, data: bytes, callback: Callable[[Any], object]) -> None:

@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 
 from magat_node.errors import UnusableMessageError
+from magat_node.status_check import status_fault
 from magat_recording.bag import BagError, BagMessage
 from magat_recording.recovery import read_recording
 from magat_recording.world_log import WorldLog
@@ -95,8 +96,10 @@ class TeamRecording:
         #: Names of the robots, in the simulator's order.
         self.names = names
         self._by_id = {log.episode: RecordedEpisode(number, log) for number, log in enumerate(complete)}
-        #: All RobotStatus messages.
-        self.statuses = [message for message in self._messages if _kind(message) == "RobotStatus"]
+        #: All RobotStatus messages of the team.
+        self.statuses = [
+            message for message in self._messages if _kind(message) == "RobotStatus" and self._own(message)
+        ]
         #: The last RobotStatus, with the policy, its digest, the encoding and the radio; None if there is none.
         self.last_status: Any = self.statuses[-1].message if self.statuses else None
         #: The names of all policies that the robots carried, by digest.
@@ -105,6 +108,10 @@ class TeamRecording:
         self._robot_of = {f"{team}{name}": robot for robot, name in enumerate(self.names)}
         for message in self._messages:
             self._sort(message)
+
+    def _own(self, status: BagMessage) -> bool:
+        """Whether a RobotStatus is one of the team's, not of a stranger."""
+        return status_fault(status.message) is None and set(status.message.robots) <= set(self.names)
 
     def _sort(self, message: BagMessage) -> None:
         """Add a message to the tick that it belongs to, if any."""

@@ -34,7 +34,7 @@ def test_one_case_is_printed_as_json_without_an_interval(
 
 def test_a_table_of_one_case_has_no_interval_of_delta_ft(capsys: pytest.CaptureFixture) -> None:
     assert cli.main(["evaluate", "--cases", "1", "--policy", "PIBT", *SIZE]) == 0
-    (row,) = [line for line in capsys.readouterr().out.splitlines() if "delta_FT " in line]
+    (row,) = [line for line in capsys.readouterr().out.splitlines() if "delta_FT, first" in line]
     assert "nan" not in row
     assert " to " not in row
 

@@ -19,7 +19,7 @@ from magat_evaluation.measures_file import MEASURES, keep, measure, read
 from magat_evaluation.planners import evaluate, evaluate_planner
 from magat_evaluation.report import Report
 from magat_evaluation.sets import STANDARD_SETS, CaseSet
-from magat_evaluation.splits import SET_SEED, SPLITS
+from magat_evaluation.splits import FIRST_RESULT, SET_SEED, SPLITS
 from magat_evaluation.tables import markdown, table
 from magat_robot.policy.config import ModelError
 from magat_robot.policy.store import load, save
@@ -67,6 +67,7 @@ def test_the_standard_sets_are_those_of_the_figures() -> None:
         (65, 100, 100),
     ]
     assert all(which.density == 0.1 and which.height == which.width for which in STANDARD_SETS)
+    assert all(which.numbers[0] == FIRST_RESULT for which in STANDARD_SETS)
 
 
 def test_what_is_kept_was_measured_on_the_first_test_cases(folder: Path) -> None:
@@ -188,11 +189,11 @@ def test_reports_of_other_weights_are_stale_until_measured_again(folder: Path, r
 
 def test_markdown_has_a_row_a_report() -> None:
     lines = markdown([report(), report(width=50, height=50, robots=60, cases=200)], "ab" * 32).splitlines()
-    assert [line.count("|") for line in lines] == [9] * 4
+    assert [line.count("|") for line in lines] == [10] * 4
     assert lines[0].startswith("| set | cases | T | alpha")
     assert lines[2:] == [
-        "| 20x20 (10) | 1000 | 1.25 | 0.978 (0.967 to 0.985) | 0.151 ± 0.007 | 0.9978 | 0.977 | 0.162 |",
-        "| 50x50 (60) | 200 | 1.25 | 0.978 (0.967 to 0.985) | 0.151 ± 0.007 | 0.9978 | 0.977 | 0.162 |",
+        "| 20x20 (10) | 1000 | 1.25 | 0.978 (0.967 to 0.985) | 0.151 ± 0.007 | 0.162 | 30.0 | 0.9978 | 0.977 |",
+        "| 50x50 (60) | 200 | 1.25 | 0.978 (0.967 to 0.985) | 0.151 ± 0.007 | 0.162 | 30.0 | 0.9978 | 0.977 |",
     ]
 
 
@@ -200,7 +201,7 @@ def test_figures_of_other_weights_are_never_shown() -> None:
     old = report(digest="0123456789abcdef" * 4)
     row = markdown([old], "ab" * 32).splitlines()[2]
     text = printed(table([("mine", "ab" * 32, old)]))
-    assert row.count("|") == 9
+    assert row.count("|") == 10
     for shown in (row, text):
         assert "stale, of 0123456789ab" in shown
         assert "0.978" not in shown
@@ -213,9 +214,22 @@ def test_the_table_puts_policies_side_by_side_on_each_set() -> None:
         for name, alpha in (("[first]", 0.5), ("second", 0.25))
         for side in (20, 50)
     ]
-    lines = [line.split() for line in printed(table(entries), 80).splitlines()]
+    lines = [line.split() for line in printed(table(entries), 110).splitlines()]
     assert [line[0] for line in lines[1:]] == ["20x20", "[first]", "second", "50x50", "[first]", "second"]
-    assert lines[2][1:] == ["1000", "1.25", "0.500", "(0.967", "to", "0.985)", "0.151", "±", "0.007", "0.9978"]
+    assert lines[2][1:] == [
+        "1000",
+        "1.25",
+        "0.500",
+        "(0.967",
+        "to",
+        "0.985)",
+        "0.151",
+        "±",
+        "0.007",
+        "0.162",
+        "30.0",
+        "0.9978",
+    ]
     assert lines[3][3] == "0.250"
 
 

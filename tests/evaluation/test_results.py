@@ -14,16 +14,18 @@ from rich.console import Console
 from magat_cli import main as cli
 from magat_evaluation import points
 from magat_evaluation import results_page as results
+from magat_evaluation.baselines import BASELINES
 from magat_evaluation.candidates import Candidate, Setting, bytes_per_step
 from magat_evaluation.evaluate import evaluate_candidate
-from magat_evaluation.paper import aims_table, claims_table
+from magat_evaluation.outcomes import Outcomes
 from magat_evaluation.points import Point, measure_points
 from magat_evaluation.report import Report
-from magat_evaluation.report_files import ReportFileError, read_csv, write_csv
+from magat_evaluation.report_files import ReportFileError, outcomes_file, read_csv, write_csv
 from magat_evaluation.sets import TEST_SETS, CaseSet
 from magat_evaluation.studies import curves, link_loss, test_sets
 from magat_evaluation.studies import study as studies
 from magat_evaluation.studies.study import Picture, Study, all_studies
+from magat_evaluation.tables import MEASURES
 from magat_robot.policy import models
 from magat_robot.policy.models import all_policies
 from magat_robot.policy.store import save
@@ -54,7 +56,7 @@ def candidate(policies: dict[str, Path], name: str, loss: float) -> Candidate:
 
 def study(policies: dict[str, Path], losses: tuple[float, ...] = (0.0, 0.5), which: CaseSet = SMALL) -> Study:
     each = [Point(candidate(policies, name, loss), which) for name in policies for loss in losses]
-    heading = ("map (robots)", "policy", "lost", "cases", "alpha", "delta_FT", "p_rg")
+    heading = ("map (robots)", "policy", "lost", "cases", *MEASURES)
     return Study("losses", "Losses", tuple(each), heading, link_loss.row, (Picture("Losses", "", link_loss.draw),))
 
 
@@ -116,18 +118,26 @@ def test_each_shield_has_a_version() -> None:
     assert SHIELD_VERSIONS.keys() == SHIELDS.keys()
 
 
-def test_nothing_of_the_page_of_results_is_measured_again(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_nothing_on_the_page_of_results_is_measured_again(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(points, "evaluate_candidate", lambda *_: pytest.fail("measured again"))
+    policies = all_policies()
     for name, make in all_studies().items():
-        kept = {report.key for report in read_csv(DOCS / f"{name}.csv")}
-        built = make(all_policies())
-        asked = [*built.points, *built.with_cases(200).points]
+        built, path = make(policies), tmp_path / f"{name}.csv"
+        rows = built.current(read_csv(DOCS / path.name))
+        kept = {report.key for report in rows if report.policy in (*policies, *BASELINES)}
+        counts = {report.key.cases for report in rows}
+        asked = [point for most in counts for point in built.select(policies, most=most)]
         known = list({point.key: point for point in asked if point.key in kept}.values())
-        assert len(known) == len(kept), f"{name}.csv has rows of other weights, shields or cases"
-        path = tmp_path / f"{name}.csv"
-        path.write_bytes((DOCS / path.name).read_bytes())
+        assert len(known) == len(kept)
+        write_csv(rows, path)
         assert len(measure_points(known, path, QUIET)) == len(kept)
-        assert path.read_bytes() == (DOCS / path.name).read_bytes()
+
+
+def test_the_page_of_results_is_printed_again_from_its_files(tmp_path: Path) -> None:
+    for file in DOCS.glob("*.csv"):
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    assert cli.main(["results", "--no-measure", "--output", str(tmp_path)]) == 0
+    assert (tmp_path / "results.md").read_bytes() == (DOCS / "results.md").read_bytes()
 
 
 def test_what_was_measured_before_an_interruption_is_kept(
@@ -155,9 +165,16 @@ def test_what_was_measured_before_an_interruption_is_kept(
     assert len(counted) == 4
 
 
+def written(studies: list[Study], names: list[str], docs: Path, policies: dict[str, Path]) -> Path:
+    """The page, after all points of the named studies were measured."""
+    asked = {one.name: one.points for one in studies if one.name in names}
+    return results.write_results(studies, policies, asked, docs, QUIET)
+
+
 def test_the_page_shows_each_study_with_its_picture_and_rows(policies: dict[str, Path], tmp_path: Path) -> None:
-    page = results.write_results([study(policies)], ["losses"], tmp_path / "docs", QUIET)
-    assert sorted(file.name for file in page.parent.iterdir()) == ["losses.csv", "losses.png", "results.md"]
+    page = written([study(policies)], ["losses"], tmp_path / "docs", policies)
+    files = ["losses-cases.csv", "losses.csv", "losses.png", "results.md"]
+    assert sorted(file.name for file in page.parent.iterdir()) == files
     text = page.read_text()
     assert "## Losses\n\n![Losses](losses.png)\n\n| map (robots) | policy | lost |" in text
     for report in read_csv(page.parent / "losses.csv"):
@@ -194,11 +211,16 @@ def test_the_command_writes_the_page(
 ) -> None:
     monkeypatch.setattr(models, "model_folders", lambda: iter([tmp_path / "models"]))
     monkeypatch.setattr(studies, "all_studies", lambda: {"losses": study})
-    assert cli.main(["results", "--policy", "second", "--output", str(tmp_path / "out")]) == 0
+    command = ["results", "--study", "losses", "--output", str(tmp_path / "out")]
+    assert cli.main([*command, "--policy", "second"]) == 0
     assert "results.md" in capsys.readouterr().err
     page = (tmp_path / "out" / "results.md").read_text()
-    assert "second" in page
-    assert "first |" not in page
+    assert "| 8x8 (3) | second |" in page
+    assert "| 8x8 (3) | first |" not in page
+    assert cli.main([*command, "--policy", "first"]) == 0
+    both = (tmp_path / "out" / "results.md").read_text()
+    assert both.count("| 8x8 (3) | first |") == both.count("| 8x8 (3) | second |") == 2, "what is not named stays"
+    assert cli.main([*command, "--policy", "first", "--shield", "pibt"]) == 0
     before = {file.name: file.read_bytes() for file in (tmp_path / "out").iterdir()}
     monkeypatch.setattr(points, "evaluate_candidate", lambda *_: pytest.fail("measured"))
     assert cli.main(["results", "--no-measure", "--output", str(tmp_path / "out")]) == 0
@@ -213,10 +235,10 @@ def test_studies_that_are_not_asked_for_stay_as_they_were(
 ) -> None:
     docs = tmp_path / "docs"
     other = dataclasses.replace(study(policies, (0.5, 0.25)), name="other", title="Other")
-    results.write_results([study(policies), other], ["losses"], docs, QUIET)
+    written([study(policies), other], ["losses"], docs, policies)
     assert "## Other" not in (docs / "results.md").read_text()
     assert len(counted) == 4
-    page = results.write_results([study(policies), other], ["other"], docs, QUIET).read_text()
+    page = written([study(policies), other], ["other"], docs, policies).read_text()
     assert len(counted) == 6, "what one study has measured, others need not"
     assert page.index("## Losses") < page.index("## Other")
 
@@ -248,7 +270,32 @@ def test_files_hold_all_of_a_report(tmp_path: Path, changes: dict[str, object]) 
     write_csv(rows, tmp_path / "rows.csv")
     assert read_csv(tmp_path / "rows.csv") == rows
     assert "nan" not in (tmp_path / "rows.csv").read_text()
+    assert not outcomes_file(tmp_path / "rows.csv").exists()
     assert [Report.from_json(json.loads(json.dumps(row.to_json(), allow_nan=False))) for row in rows] == rows
+
+
+def test_outcomes_are_in_a_file_of_their_own(tmp_path: Path) -> None:
+    outcomes = Outcomes((0, 3), (1, 0), (-2, 120), (40, 980), (17, 90))
+    rows = [report(outcomes=outcomes), report(shield="pibt")]
+    write_csv(rows, tmp_path / "rows.csv")
+    assert read_csv(tmp_path / "rows.csv") == rows
+    assert outcomes.values("alpha", 10).tolist() == [1, 0]
+    assert outcomes.values("p_rg", 10).tolist() == pytest.approx([1, 0.7])
+    assert outcomes.values("alpha_strict", 10).tolist() == [1, 0]
+    assert outcomes.values("delta_ft", 10).tolist() == pytest.approx([-0.002, 0.12])
+    assert outcomes.values("makespan", 10).tolist() == [17, 90]
+    text = outcomes_file(tmp_path / "rows.csv").read_text()
+    outcomes_file(tmp_path / "rows.csv").write_text(text.replace("17 90", "17"))
+    with pytest.raises(ReportFileError, match=r"rows-cases\.csv cannot be read, line 2: the outcomes are incomplete"):
+        read_csv(tmp_path / "rows.csv")
+
+
+def test_outcomes_give_the_measures_of_their_report(policies: dict[str, Path]) -> None:
+    one = evaluate_candidate(candidate(policies, "first", 0.0), SMALL, QUIET)
+    assert one.outcomes is not None
+    for measure in ("alpha", "alpha_strict", "delta_ft", "delta_ft_strict", "p_rg", "makespan"):
+        mean = one.outcomes.values(measure, one.robots).mean()
+        assert mean == pytest.approx(getattr(one, measure), abs=0.0005), measure
 
 
 def test_the_cases_of_a_key_are_those_that_were_asked_for() -> None:
@@ -306,77 +353,52 @@ def test_a_set_is_drawn_by_shield_and_in_the_order_of_its_sizes(
     assert all(where[0] > 0 for number, where, _ in lines if number == 1), "side by side"
 
 
-def test_a_test_set_is_of_policies_in_settings_and_of_baselines(policies: dict[str, Path]) -> None:
-    built = test_sets.full_test_set("large", policies)
-    each = len(SHIELDS) * 2 + 1
-    assert [(p.cases.width, p.cases.robots, p.cases.expert_w) for p in built.points[::each]] == [
-        (100, 500, 5.0),
-        (200, 500, 5.0),
-        (200, 1000, 5.0),
-    ]
-    shields = [(p.candidate.name, p.candidate.rules.shield) for p in built.points[: each - 1]]
-    assert shields == [(name, shield) for name in policies for shield in SHIELDS]
-    assert (built.points[each - 1].candidate.name, built.points[each - 1].candidate.digest) == ("PIBT", "")
-    assert {p.cases.cases for p in built.with_cases(7).points} == {7}
+def test_a_test_set_is_of_policies_controls_and_baselines_under_each_shield(
+    policies: dict[str, Path], tmp_path: Path, random_network: Callable
+) -> None:
+    silent = {"MAGAT-F-16-K1": tmp_path / "models" / "MAGAT-F-16-K1"}
+    save(random_network("MAGAT-F-16", taps=1), silent["MAGAT-F-16-K1"], "# card\n")
+    large = test_sets.full_test_set("large", policies | silent).points
+    sizes = [(100, 500, 5.0), (200, 500, 5.0), (200, 1000, 5.0)]
+    assert [(p.cases.width, p.cases.robots, p.cases.expert_w) for p in large if p.candidate.name == "expert"] == sizes
+    here = [p.candidate for p in large if p.cases.width == 100]
+    for shield, planners in (("idle", {"expert", "greedy"}), ("pibt", {"PIBT", "greedy"}), ("pibt-memory", {"greedy"})):
+        found = {(one.name, one.rules.link_loss) for one in here if one.rules.shield == shield}
+        mute = {(name, 1.0) for name in policies}
+        assert found == {(name, 0.0) for name in (*planners, *policies, *silent)} | mute, "K = 1 is mute as it is"
+    dense = test_sets.full_test_set("same-density", policies).points
+    assert {"HCA", "Replan"} < {point.candidate.name for point in dense}
+    assert dense[0].candidate.rules.shield == "idle"
+    assert all(point.cases.numbers[0] == 26_000 for point in (*large, *dense))
 
 
-def of_maps(name: str, **changes: object) -> list[Report]:
-    """Reports of all maps of a test set."""
-    places = ({"width": w.width, "height": w.height, "robots": w.robots} for w in TEST_SETS[name])
-    return [report(**(place | changes)) for place in places]
+def test_policies_that_are_trained_several_times_have_more_cases(policies: dict[str, Path]) -> None:
+    named = {"GNN-F-128": policies["first"], "GNN-F-128-S1": policies["first"], "GNN-F-64": policies["second"]}
+    points_of_set = test_sets.full_test_set("increasing-density", named).points
+    many = {(p.candidate.name, p.cases.robots, p.candidate.rules) for p in points_of_set if p.cases.cases == 1000}
+    assert many == {(name, 60, Rules()) for name in ("GNN-F-128", "GNN-F-128-S1")}
+    assert {point.cases.cases for point in points_of_set} == {200, 1000}
 
 
-def test_the_papers_numbers_stand_beside_ours() -> None:
-    good = {"policy": "MAGAT-B-32-P4", "alpha": 1.0, "alpha_interval": (0.99, 1.0), "delta_ft": 0.03, "p_rg": 1.0}
-    worst = {"alpha": 0.5, "alpha_interval": (0.4, 0.6), "delta_ft": 0.2, "p_rg": 0.9}
-    reports = of_maps("same-density", **good) + of_maps("increasing-density", **good)
-    for place in (3, 13):  # 40x40 (40), 50x50 (100)
-        reports[place] = dataclasses.replace(reports[place], **worst)
-    text = f"{claims_table(reports)}\n{aims_table(reports)}"
-    assert "| alpha | 50x50 (100) | MAGAT-B-32-P4 | 0.95 | 0.500 (0.400 to 0.600) |  |  |" in text
-    sixty = "| alpha | 50x50, 10 to 60 robots | MAGAT-B-32-P4 | above 0.92 (most MAGAT policies) |"
-    assert f"{sixty} 1.000 (0.990 to 1.000), 50x50 (10) |  |  |" in text
-    assert "| delta_FT | same-density | MAGAT-B-32-P4 | below 0.065 | 0.200 ± 0.010, 40x40 (40) |  |  |" in text
-    aim = "| MAGAT-B-32-P4 | 0.75 | idle | 0.500 (0.400 to 0.600), 40x40 (40) | 0.200 ± 0.010, 40x40 (40) |"
-    assert f"{aim}  | missed |" in text, "the large set was not measured, but what was is not enough"
-    assert "p_rg" not in text
-    assert "F-32-P4" not in text
+def test_some_points_of_a_study_can_be_selected(policies: dict[str, Path]) -> None:
+    large = test_sets.full_test_set("large", policies)
+    some = large.select({"first"}, {"pibt"}, most=7)
+    assert {(p.candidate.name, p.candidate.rules.shield, p.cases.cases) for p in some} == {
+        (name, "pibt", 7) for name in ("first", "PIBT", "greedy")
+    }
+    assert large.select(policies) == list(large.points)
 
 
-@pytest.mark.parametrize(
-    ("changes", "large", "aim"),
-    [
-        ({}, True, "reached"),
-        ({}, False, ""),
-        ({"alpha": 0.985}, True, "missed"),
-        ({"alpha": 0.985}, False, "missed"),
-        ({"delta_ft": 0.081}, True, "missed"),
-    ],
-)
-def test_whether_the_aim_is_reached_is_told(changes, large, aim) -> None:
-    good = {"policy": "MAGAT-B-32-P4", "alpha": 0.99, "alpha_interval": (0.97, 1.0), "delta_ft": 0.08, "p_rg": 1.0}
-    reports = of_maps("same-density", **good) + of_maps("increasing-density", **good)
-    reports += of_maps("large", **good | {"alpha": 0.95}) if large else []
-    reports[4] = dataclasses.replace(reports[4], **changes)
-    [row] = [line for line in aims_table(reports).splitlines() if line.startswith("| MAGAT-B-32-P4 | 0.75")]
-    assert row.split(" | ")[-1] == f"{aim} |", row
-
-
-def test_what_was_not_measured_as_a_whole_is_not_told() -> None:
-    some = of_maps("large", policy="GNN-F-128", shield="pibt")[:2]
-    text = claims_table(some)
-    assert "| p_rg | 100x100 (500) | GNN-F-128 | 0.986 |  | 0.9900 |  |" in text
-    assert "| p_rg | large |" not in text
-    assert claims_table(of_maps("large", policy="mine")) == ""
-
-
-def test_the_page_begins_with_the_comparison(policies: dict[str, Path], tmp_path: Path) -> None:
-    large = test_sets.test_set("large", [Candidate.of_policy(policies["first"], name="GNN-F-128")])
-    rows = of_maps("large", policy="GNN-F-128")
-    write_csv(rows, tmp_path / "large.csv")
-    page = results.write_results([large], [], tmp_path, QUIET).read_text()
-    assert 0 < page.index("## Comparison with the paper") < page.index("## Test set: large")
-    assert "| p_rg | large | GNN-F-128 | at least 0.986 | 0.9900, 100x100 (500) |  |  |" in page
+def test_rows_that_no_longer_hold_are_left_out(policies: dict[str, Path]) -> None:
+    built = study(policies, (0.0,))
+    first, second = (point.key for point in built.points)
+    good, other = (report(**dataclasses.asdict(key), unsolved_by_expert=0) for key in (first, second))
+    training = dataclasses.replace(good, policy="GNN-F-128-S1", digest="ef")
+    changes = ({"digest": "ab"}, {"temperature": 0.1}, {"first_case": 25_501}, {"shield_version": 0}, {"robots": 4})
+    wrong = [dataclasses.replace(good, **change) for change in changes]
+    wrong.append(dataclasses.replace(training, generator_version=0))
+    fewer = dataclasses.replace(other, cases=2)
+    assert built.current([training, fewer, *wrong, good]) == [good, fewer, training]
 
 
 def test_a_set_is_evaluated_by_name_and_resumed(

@@ -1,7 +1,7 @@
 """Baselines: planners without learning, in the same simulator and with the same measures as policies.
 
-HCA and Replan plan whole paths, which the robots then follow. In PIBT each robot knows the map and ranks its primitives
-by the distance to its goal; the shield ``pibt`` resolves the conflicts.
+The expert, HCA and Replan plan whole paths, which the robots then follow. In PIBT each robot knows the map and ranks
+its primitives by the distance to its goal; the shield ``pibt`` resolves the conflicts.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -38,6 +38,11 @@ def replan(solved: Sequence[SolvedCase], simulator: Simulator) -> Decide:
         simulator,
         lambda one: solve_replan(*_instance(one.case), PLANNING_LIMIT, max_steps=one.t_max, seed=one.number),
     )
+
+
+def expert(solved: Sequence[SolvedCase], simulator: Simulator) -> Decide:
+    """The expert's own paths, which delta_FT and T_max refer to."""
+    return _walk(solved, simulator, lambda one: one)
 
 
 def pibt(solved: Sequence[SolvedCase], simulator: Simulator) -> Decide:
@@ -85,7 +90,9 @@ def _instance(case: Case) -> tuple[BoolArray, IntArray, IntArray]:
     return case.obstacles, case.starts, case.goals
 
 
-def _walk(solved: Sequence[SolvedCase], simulator: Simulator, plan: Callable[[SolvedCase], Solution]) -> Decide:
+def _walk(
+    solved: Sequence[SolvedCase], simulator: Simulator, plan: Callable[[SolvedCase], Solution | SolvedCase]
+) -> Decide:
     """Follow the planned paths step by step; robots stay at the ends of their paths."""
     walks = [
         np.zeros((0, one.case.robots), np.int64) if paths is None else primitives_between(paths[:-1], paths[1:])
@@ -107,6 +114,7 @@ class Baseline(NamedTuple):
 
 #: By name.
 BASELINES: Mapping[str, Baseline] = {
+    "expert": Baseline(expert, ("idle",)),
     "HCA": Baseline(hca, ("idle",)),
     "Replan": Baseline(replan, ("idle",)),
     "PIBT": Baseline(pibt, ("pibt",)),

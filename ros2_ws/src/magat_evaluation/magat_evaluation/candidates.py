@@ -29,11 +29,17 @@ class Setting:
     encoding: str = ""
     #: Of the worlds.
     rules: Rules = DEFAULT_RULES
+    #: See `PolicyConfig`; the policy's own if None.
+    visit_memory: float | None = None
 
     @property
     def changes(self) -> dict[str, Any]:
         """What differs from the policy's own configuration, as `PolicyConfig.with_changes` takes it."""
-        given = {"temperature": self.temperature, "encoding": self.encoding or None}
+        given = {
+            "temperature": self.temperature,
+            "encoding": self.encoding or None,
+            "visit_memory": self.visit_memory,
+        }
         return {name: value for name, value in given.items() if value is not None}
 
 
@@ -55,6 +61,8 @@ class Candidate:
     bytes_per_step: int
     #: Loads the weights, if there are any.
     make_planner: Callable[[], Planner] = field(compare=False)
+    #: Of the policy's configuration.
+    visit_memory: float = 0.0
 
     @classmethod
     def of_policy(cls, folder: Path, setting: Setting = DEFAULT_SETTING, name: str = "") -> "Candidate":
@@ -71,7 +79,8 @@ class Candidate:
             return policy_planner(load_computed(folder, **changes))
 
         conditions = (config.temperature, config.encoding, setting.rules)
-        return cls(name or config.name, digest, *conditions, bytes_per_step(config), make_planner)
+        sent = bytes_per_step(config)
+        return cls(name or config.name, digest, *conditions, sent, make_planner, config.visit_memory)
 
     @classmethod
     def of_baseline(cls, name: str, shield: str | None = None) -> "Candidate":
@@ -103,6 +112,7 @@ class Candidate:
             seed=cases.seed,
             first_case=cases.numbers[0],
             cases=cases.cases,
+            visit_memory=self.visit_memory,
         )
 
 

@@ -15,6 +15,7 @@ from rich.table import Table
 
 from magat_evaluation.candidates import Candidate
 from magat_evaluation.cases import SolvedCase, solve_cases, solved_cases
+from magat_evaluation.outcomes import Outcomes
 from magat_evaluation.planners import evaluate_planner
 from magat_evaluation.report import EvaluationKey, Report
 from magat_evaluation.sets import CaseSet
@@ -69,7 +70,7 @@ def evaluate_scenarios(
     return dataclasses.replace(_evaluate(candidate, solved, key, console, workers), map=scenarios.map.name)
 
 
-@lru_cache(maxsize=1)  # several candidates in a row are run on the same cases
+@lru_cache(maxsize=2)  # several candidates in a row are run on the same cases, some of them on more than others
 def _solved(numbers: range, seed: int, size: tuple[tuple[str, Any], ...], console: Console) -> list[SolvedCase]:
     return list(tracked(solved_cases(numbers, seed, **dict(size)), "expert", len(numbers), console))
 
@@ -95,6 +96,7 @@ def _evaluate(
             "unsolved_by_expert": key.cases - len(solved),
             "bytes_per_step": candidate.bytes_per_step,
             "seconds": round(elapsed, 1),
+            "outcomes": Outcomes.of(episodes),
         }
     )
 
@@ -132,7 +134,8 @@ def table(report: Report) -> Table:
     """``report`` for the terminal."""
     title = (
         f"{report.policy}, T = {report.temperature:g}, {report.encoding}, {report.link_loss:.0%} of links lost, "
-        f"{report.shield} shield: {report.cases} cases of {report.set_name}"
+        + (f"visit memory {report.visit_memory:g}, " if report.visit_memory else "")
+        + f"{report.shield} shield: {report.cases} cases of {report.set_name}"
         + (f" on {report.map}" if report.map is not None else "")
     )
     result = Table(title=title, title_justify="left")
@@ -146,8 +149,12 @@ def table(report: Report) -> Table:
     rows = (
         ("alpha", report.alpha, interval(*report.alpha_interval)),
         ("alpha, strict", report.alpha_strict, interval(*report.alpha_strict_interval)),
-        ("delta_FT", report.delta_ft, "" if half is None else interval(report.delta_ft - half, report.delta_ft + half)),
-        ("delta_FT, strict", report.delta_ft_strict, ""),
+        (
+            "delta_FT, first visit",
+            report.delta_ft,
+            "" if half is None else interval(report.delta_ft - half, report.delta_ft + half),
+        ),
+        ("delta_FT, last arrival", report.delta_ft_strict, ""),
         ("p_rg", report.p_rg, ""),
         ("makespan", report.makespan, ""),
         ("blocked moves per case", report.moves_blocked, ""),

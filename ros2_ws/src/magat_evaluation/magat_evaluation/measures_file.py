@@ -4,6 +4,7 @@ Each report names the weights by their digest. When the folder gets other weight
 `Report.stale`, and tables show them as such.
 """
 
+import dataclasses
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -42,7 +43,8 @@ def measure(folder: Path, sets: Sequence[CaseSet], console: Console, temperature
     candidate = Candidate.of_policy(folder, Setting(temperature))
     reports = []
     for cases in tracked(sets, "sets", len(sets), console):
-        reports.append(evaluate_candidate(candidate, cases, console))
+        report = evaluate_candidate(candidate, cases, console)
+        reports.append(dataclasses.replace(report, outcomes=None))  # the folder has no place for it
         keep(folder, reports[-1])
     return reports
 

@@ -1,12 +1,15 @@
 """Reports: what one evaluation measured, and on what."""
 
 import dataclasses
+import hashlib
+import json
 import types
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Union, get_args, get_origin
 
 from magat_evaluation.cases import GENERATOR_VERSION
+from magat_evaluation.outcomes import Outcomes
 from magat_evaluation.sets import set_name
 from magat_node.plain import plain
 from magat_sim.shield import SHIELD_VERSIONS
@@ -45,6 +48,27 @@ class EvaluationKey:
     first_case: int
     #: How many cases were asked for.
     cases: int
+    #: See `PolicyConfig`; 0 for a baseline.
+    visit_memory: float = 0.0
+
+    @property
+    def id(self) -> str:
+        """A short name of the key: 16 hexadecimal digits. It does not change when keys get a field with a default."""
+        given = {field.name: getattr(self, field.name) for field in fields(EvaluationKey)}
+        values = {
+            field.name: given[field.name] for field in fields(EvaluationKey) if given[field.name] != field.default
+        }
+        return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
+
+    @property
+    def place(self) -> tuple[Any, ...]:
+        """What a new report has in common with the one that it replaces: what ran where, but not in which version."""
+        return tuple(getattr(self, name) for name in _PLACE)
+
+    @property
+    def outdated(self) -> bool:
+        """Whether it is of another version of the shield, or of other cases."""
+        return (self.shield_version, self.generator_version) != (SHIELD_VERSIONS.get(self.shield), GENERATOR_VERSION)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,6 +98,8 @@ class Report(EvaluationKey):
     map: str | None = None
     #: How long the evaluation took; None if it was not kept.
     seconds: float | None = None
+    #: Case by case; None if it was not kept. Neither in JSON nor among `COLUMNS`: `report_files` has a file for it.
+    outcomes: Outcomes | None = None
 
     @property
     def key(self) -> EvaluationKey:
@@ -91,14 +117,24 @@ class Report(EvaluationKey):
         """Half width of delta_FT's 95 % interval, for pictures and tables; 0 where there is none."""
         return self.delta_ft_half_width or 0.0
 
+    @property
+    def mute(self) -> bool:
+        """Whether a policy ran without any message."""
+        return self.link_loss == 1.0
+
+    @property
+    def label(self) -> str:
+        """The policy's name in tables and pictures, whether it was mute, and whether it remembered its visits."""
+        memory = f", visit memory {self.visit_memory:g}" if self.visit_memory else ""
+        return f"{self.policy}{', mute' if self.mute else ''}{memory}"
+
     def stale(self, digest: str) -> bool:
         """Whether it was measured with other weights than those of ``digest``, another shield or other cases."""
-        current = (digest, SHIELD_VERSIONS.get(self.shield), GENERATOR_VERSION)
-        return (self.digest, self.shield_version, self.generator_version) != current
+        return self.digest != digest or self.outdated
 
     def to_json(self) -> dict[str, Any]:
         """The report as plain JSON values."""
-        return plain(dataclasses.asdict(self))
+        return plain({name: value for name, value in dataclasses.asdict(self).items() if name != "outcomes"})
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> "Report":
@@ -132,12 +168,16 @@ class Report(EvaluationKey):
             elif name == "stranded":
                 pairs = (entry.split(":") for entry in (row.get(name) or "").split())
                 values[name] = {robots: _number(cases, int) for robots, cases in pairs}
-            elif name in COLUMNS:
+            elif name in COLUMNS and (name in row or name in _REQUIRED):  # older files lack columns
                 values[name] = row.get(name) if kind is str else _number(row.get(name), kind)
         return cls.from_json(values)
 
 
-_KINDS: Mapping[str, Any] = {field.name: field.type for field in fields(Report)}
+_KINDS: Mapping[str, Any] = {field.name: field.type for field in fields(Report) if field.name != "outcomes"}
+_PLACE = (
+    *("policy", "shield", "link_loss", "encoding", "visit_memory"),
+    *("width", "height", "robots", "density", "expert_w", "seed"),
+)
 _REQUIRED = {
     field.name: None
     for field in fields(Report)
@@ -152,7 +192,7 @@ COLUMNS = (
     *("delta_ft", "delta_ft_half_width", "p_rg", "alpha_strict", "alpha_strict_low", "alpha_strict_high"),
     *("delta_ft_strict", "cases", "unsolved_by_expert", "width", "height", "robots", "density", "expert_w", "seed"),
     *("first_case", "shield", "shield_version", "generator_version", "digest", "bytes_per_step", "makespan"),
-    *("moves_blocked", "stranded"),
+    *("moves_blocked", "stranded", "visit_memory"),
 )
 
 

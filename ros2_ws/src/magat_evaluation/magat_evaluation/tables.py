@@ -12,12 +12,18 @@ from magat_evaluation.report import Report
 DIGITS = 12
 
 
-def measure_cells(report: Report) -> tuple[str, str, str]:
-    """alpha, delta_FT and p_rg, the first two with their 95 % intervals."""
+#: Headings of `measure_cells`; delta_FT is by first visit and by last arrival.
+MEASURES = ("alpha", "delta_FT, first", "delta_FT, last", "makespan", "p_rg")
+
+
+def measure_cells(report: Report) -> tuple[str, ...]:
+    """The cells of `MEASURES`; alpha and the first delta_FT have their 95 % intervals."""
     low, high = report.alpha_interval
     return (
         f"{report.alpha:.3f} ({low:.3f} to {high:.3f})",
         f"{report.delta_ft:.3f} ± {report.delta_ft_error:.3f}",
+        f"{report.delta_ft_strict:.3f}",
+        "" if report.makespan is None else f"{report.makespan:.1f}",
         f"{report.p_rg:.4f}",
     )
 
@@ -32,12 +38,12 @@ def markdown(reports: Iterable[Report], digest: str) -> str:
 
     A stale report has a row that says so instead of its measures.
     """
-    heading = ("set", "cases", "T", "alpha (95 % interval)", "delta_FT", "p_rg", "alpha, strict", "delta_FT, strict")
+    heading = ("set", "cases", "T", *MEASURES, "alpha, strict")
     rows: list[tuple[str, ...]] = []
     for report in reports:
-        strict = (f"{report.alpha_strict:.3f}", f"{report.delta_ft_strict:.3f}")
         stale = report.stale(digest)
-        measures = (_stale_note(report), *[""] * 4) if stale else (*measure_cells(report), *strict)
+        cells = (*measure_cells(report), f"{report.alpha_strict:.3f}")
+        measures = (_stale_note(report), *[""] * len(MEASURES)) if stale else cells
         rows.append((report.set_name, str(report.cases), f"{report.temperature:g}", *measures))
     return markdown_table(heading, rows)
 
@@ -49,7 +55,7 @@ def table(entries: Iterable[tuple[str, str, Report]]) -> Table:
         entries: name of the policy, digest of its weights, and a report.
     """
     result = Table(box=None, pad_edge=False)
-    for heading in ("", "cases", "T", "alpha (95 % interval)", "delta_FT", "p_rg"):
+    for heading in ("", "cases", "T", *MEASURES):
         result.add_column(heading, justify="right" if heading else "left")
     for _, group in itertools.groupby(sorted(entries, key=_set), key=_set):
         for place, (name, digest, report) in enumerate(group):

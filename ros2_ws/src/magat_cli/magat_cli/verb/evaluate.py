@@ -21,8 +21,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from magat_evaluation.splits import SPLITS
 
     parser.epilog = (
-        "--policy also takes the baselines HCA, Replan and PIBT, which plan without learning, and greedy, which walks "
-        "towards the goal by its field of view alone"
+        "--policy also takes the baselines expert, HCA, Replan and PIBT, which plan without learning, and greedy, "
+        "which walks towards the goal by its field of view alone"
     )
     parser.add_argument("--cases", type=positive, help=f"number of cases (default: {CASES}, or all cases of a set)")
     which = parser.add_mutually_exclusive_group()
@@ -35,6 +35,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--workers", type=positive, default=1, help="processes (default: 1)")
     parser.add_argument("--temperature", type=float, help="sampling temperature (default: the policy's own)")
+    parser.add_argument(
+        "--visit-memory",
+        type=float,
+        metavar="PENALTY",
+        help="robots subtract it from log-probabilities for each earlier visit (default: the policy's own)",
+    )
     parser.add_argument(
         "--json", action="store_true", help="print JSON and nothing else: an object, or a list with --set"
     )
@@ -58,13 +64,13 @@ def main(options: Options, console: "Console") -> int:
 
     if options.policy in BASELINES:
         fixed = ["shield"] if len(BASELINES[options.policy].shields) == 1 else []
-        useless = ("link_loss", "temperature", "encoding", *fixed)
+        useless = ("link_loss", "temperature", "visit_memory", "encoding", *fixed)
         options.without_effect(f"the baseline {options.policy}", *useless)
         candidate = Candidate.of_baseline(options.policy, None if fixed else options.shield)
     else:
         folder = find_policy(options.policy)
         rules = Rules(options.link_loss, options.shield)
-        setting = Setting(options.temperature, options.encoding, rules)
+        setting = Setting(options.temperature, options.encoding, rules, options.visit_memory)
         candidate = Candidate.of_policy(folder, setting, folder.name if options.set else "")
     if options.set:
         options.without_effect("--set", "seed", "robots", "width", "height", "density", "scen")
@@ -88,13 +94,12 @@ def _evaluate_set(options: Options, candidate: "Candidate", console: "Console") 
 
     from magat_cli.output import print_json
     from magat_evaluation.points import measure_points
-    from magat_evaluation.studies.test_sets import test_set
+    from magat_evaluation.studies.test_sets import set_points, test_set
 
-    study = test_set(options.set, [candidate])
-    if options.cases:
-        study = study.with_cases(options.cases)
+    study = test_set(options.set, set_points(options.set, [candidate]))
     path = study.file(Path("runs/sets"))
-    reports = measure_points(study.points, path, console, options.workers, study.title)
+    points = study.select([candidate.name], most=options.cases)
+    reports = measure_points(points, path, console, options.workers, study.title)
     if options.json:
         print_json([report.to_json() for report in reports])
     else:

@@ -9,11 +9,17 @@ from magat_cli.options import Options, add_policies, policies_of, positive
 if TYPE_CHECKING:
     from rich.console import Console
 
+#: The study of computation times, which has no points.
+TIMES = "times"
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The verb's options."""
+    from magat_sim.shield import SHIELDS
+
     add_policies(parser)
     parser.add_argument("--study", nargs="+", metavar="NAME", help="studies to measure (default: all)")
+    parser.add_argument("--shield", nargs="+", choices=SHIELDS, help="shields to measure (default: all)")
     parser.add_argument("--cases", type=positive, metavar="N", help="at most N of each set (default: all)")
     parser.add_argument("--workers", type=positive, default=1, help="processes (default: 1)")
     parser.add_argument("--output", type=Path, default=Path("docs"), help="folder of the page (default: docs)")
@@ -26,19 +32,25 @@ def main(options: Options, console: "Console") -> int:
     """Run the verb; returns the exit status."""
     from magat_evaluation.results_page import write_results
     from magat_evaluation.studies.study import all_studies
+    from magat_evaluation.times import update_times
     from magat_node.errors import MagatError
+    from magat_robot.policy.models import all_policies
 
     known = all_studies()
-    unknown = [name for name in options.study or () if name not in known]
+    unknown = [name for name in options.study or () if name not in (*known, TIMES)]
     if unknown:
-        raise MagatError(f"there is no study {unknown[0]!r}: it is one of {', '.join(known)}")
+        raise MagatError(f"there is no study {unknown[0]!r}: it is one of {', '.join((*known, TIMES))}")
     if options.no_measure:
-        options.without_effect("--no-measure", "study", "policy", "cases", "workers")
-    policies = policies_of(options)
+        options.without_effect("--no-measure", "study", "policy", "shield", "cases", "workers")
+    chosen = policies_of(options)
+    policies = all_policies() | chosen
     studies = [make(policies) for make in known.values()]
-    if options.cases:
-        studies = [study.with_cases(options.cases) for study in studies]
-    names = [] if options.no_measure else options.study or list(known)
-    page = write_results(studies, names, options.output, console, options.workers)
+    names = () if options.no_measure else options.study or (*known, TIMES)
+    asked = {
+        study.name: study.select(chosen, options.shield, options.cases) for study in studies if study.name in names
+    }
+    if TIMES in names:
+        update_times(chosen, options.output, console)
+    page = write_results(studies, policies, asked, options.output, console, options.workers)
     console.print(f"{page}, its pictures and files are in {options.output}")
     return 0

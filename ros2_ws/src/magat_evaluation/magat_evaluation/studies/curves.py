@@ -21,7 +21,7 @@ DASHES = ("-", "--", "-.", ":")
 #: Groups of bars in a histogram at most; where there are more numbers of robots, some share one.
 GROUPS = 16
 #: What curves are measured on.
-CURVE_SETS = (CaseSet.square(20, 10, 400), CaseSet.square(50, 60, 200))
+CURVE_SETS = (CaseSet.result(20, 10, 400), CaseSet.result(50, 60, 200))
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from magat_evaluation.points import Point
 from magat_evaluation.report import Report
 from magat_evaluation.studies.curves import ALPHA, CURVE_SETS, DELTA_FT, Across, draw_curves, set_and_cases
 from magat_evaluation.studies.study import Picture, Study, register
-from magat_evaluation.tables import measure_cells
+from magat_evaluation.tables import MEASURES, measure_cells
 from magat_robot.policy.config import ENCODINGS
 
 
@@ -24,7 +24,7 @@ def encodings(policies: Mapping[str, Path]) -> Study:
             for name, folder in policies.items()
             for encoding in ENCODINGS
         ),
-        ("map (robots)", "policy", "encoding", "bytes a step", "cases", "alpha", "delta_FT", "p_rg"),
+        ("map (robots)", "policy", "encoding", "bytes a step", "cases", *MEASURES),
         row,
         (Picture("Encodings of messages", "", draw),),
     )

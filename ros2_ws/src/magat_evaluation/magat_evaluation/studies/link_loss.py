@@ -8,7 +8,7 @@ from magat_evaluation.points import Point
 from magat_evaluation.report import Report
 from magat_evaluation.studies.curves import ALPHA, CURVE_SETS, DELTA_FT, Across, draw_curves, set_and_cases
 from magat_evaluation.studies.study import Picture, Study, register
-from magat_evaluation.tables import measure_cells
+from magat_evaluation.tables import MEASURES, measure_cells
 from magat_sim.simulator import Rules
 
 #: Shares of the radio links that are lost; those up to 0.5 are in the picture.
@@ -28,7 +28,7 @@ def link_loss(policies: Mapping[str, Path]) -> Study:
             for name, folder in policies.items()
             for loss in LOSSES
         ),
-        ("map (robots)", "policy", "lost", "cases", "alpha", "delta_FT", "p_rg"),
+        ("map (robots)", "policy", "lost", "cases", *MEASURES),
         row,
         (Picture("Lost links", "", draw),),
     )

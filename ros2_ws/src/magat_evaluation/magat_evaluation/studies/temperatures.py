@@ -15,7 +15,7 @@ from magat_evaluation.report import Report
 from magat_evaluation.sets import CaseSet
 from magat_evaluation.studies.curves import DASHES, MARKERS, alpha_errors, legend
 from magat_evaluation.studies.study import Picture, Study
-from magat_evaluation.tables import measure_cells
+from magat_evaluation.tables import MEASURES, measure_cells
 from magat_pictures.colours import INK, robot_colour, tint
 from magat_sim.simulator import Rules
 
@@ -51,7 +51,7 @@ def frontier(
         "frontier",
         f"alpha against delta_FT on {cases.cases} cases of {cases.name}, numbers from {cases.numbers[0]}",
         tuple(points),
-        ("policy", "shield", "T", "alpha", "delta_FT", "p_rg", "target"),
+        ("policy", "shield", "T", *MEASURES, "target"),
         row,
         (Picture("alpha against delta_FT over sampling temperatures", "", draw),),
     )

@@ -1,67 +1,94 @@
-"""The paper's test sets, with the baselines."""
+"""The paper's test sets, with the baselines and the controls."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from magat_evaluation.baselines import BASELINES
 from magat_evaluation.candidates import Candidate, Setting
+from magat_evaluation.measured import family
 from magat_evaluation.points import Point
 from magat_evaluation.report import Report
-from magat_evaluation.sets import TEST_SETS
+from magat_evaluation.sets import FULL_CASES, FULL_MAPS, FULL_POLICIES, TEST_SETS, CaseSet
 from magat_evaluation.studies.curves import ALPHA, DELTA_FT, P_RG, Across, draw_arrivals, draw_curves
 from magat_evaluation.studies.study import Picture, Study, register
-from magat_evaluation.tables import measure_cells
+from magat_evaluation.tables import MEASURES, measure_cells
+from magat_robot.policy.folder import read_folder
 from magat_sim.shield import SHIELDS
 from magat_sim.simulator import Rules
 
-#: Baselines of the sets. HCA and Replan plan too long for the teams of the set large.
-SET_BASELINES, LARGE_BASELINES = ("HCA", "Replan", "PIBT"), ("PIBT",)
+#: HCA and Replan plan too long for the teams of the set large.
+SLOW_BASELINES = ("HCA", "Replan")
+#: The paper's shield.
+HEADLINE = "idle"
 
 
-def test_set(name: str, candidates: Sequence[Candidate]) -> Study:
-    """One of the paper's test sets.
-
-    Args:
-        name: one of `TEST_SETS`.
-        candidates: what is evaluated.
-    """
+def test_set(name: str, points: Sequence[Point]) -> Study:
+    """One of the paper's test sets, of ``points``."""
     pictures = [Picture(f"Test set: {name}", "", draw)]
     if name == "large":
         pictures.append(Picture("Robots that reached their goals", "-arrivals", draw_arrivals))
     return Study(
         name,
         f"Test set: {name}",
-        tuple(Point(candidate, cases) for cases in TEST_SETS[name] for candidate in candidates),
-        ("map (robots)", "policy", "shield", "cases", "alpha", "delta_FT", "p_rg"),
+        tuple(points),
+        ("map (robots)", "policy", "T", "cases", *MEASURES),
         row,
         tuple(pictures),
+        lambda report: f"### {name}: shield {report.shield}",
     )
+
+
+def set_points(name: str, candidates: Sequence[Candidate]) -> list[Point]:
+    """``candidates`` on each map of a test set; those of `FULL_POLICIES` on more cases of `FULL_MAPS`."""
+    return [Point(one, _cases(one, cases)) for cases in TEST_SETS[name] for one in candidates]
 
 
 def full_test_set(name: str, policies: Mapping[str, Path]) -> Study:
-    """One of the paper's test sets, of ``policies`` under each shield, and of the baselines."""
-    baselines = LARGE_BASELINES if name == "large" else SET_BASELINES
-    settings = [Setting(rules=Rules(shield=shield)) for shield in SHIELDS]
-    return test_set(
-        name,
-        [
-            *(Candidate.of_policy(folder, one, policy) for policy, folder in policies.items() for one in settings),
-            *map(Candidate.of_baseline, baselines),
-        ],
-    )
+    """One of the paper's test sets, of ``policies`` and the control mute under each shield, and of the baselines."""
+    baselines = [baseline for baseline in BASELINES if name != "large" or baseline not in SLOW_BASELINES]
+    points: list[Point] = []
+    for shield in sorted(SHIELDS, key=lambda shield: shield != HEADLINE):
+        controls = [Candidate.of_baseline(one, shield) for one in baselines if shield in BASELINES[one].shields]
+        talking = [_policy(folder, shield, 0.0, policy) for policy, folder in policies.items()]
+        points += set_points(name, [*controls, *talking, *_mute(policies, shield)])
+    return test_set(name, points)
 
 
 for _name in TEST_SETS:
     register(_name)(partial(full_test_set, _name))
 
 
+def _policy(folder: Path, shield: str, link_loss: float, name: str) -> Candidate:
+    return Candidate.of_policy(folder, Setting(rules=Rules(link_loss, shield)), name)
+
+
+def _mute(policies: Mapping[str, Path], shield: str) -> Iterator[Candidate]:
+    """The policies with all links lost, those apart that never communicate."""
+    for name, folder in policies.items():
+        if read_folder(folder)[0].communicates:
+            yield _policy(folder, shield, 1.0, name)
+
+
+def _is_full(candidate: Candidate) -> bool:
+    mute = candidate.rules.link_loss == 1.0
+    return family(candidate.name) in FULL_POLICIES and candidate.rules.shield == HEADLINE and not mute
+
+
+def _cases(candidate: Candidate, cases: CaseSet) -> CaseSet:
+    return replace(cases, cases=FULL_CASES) if _is_full(candidate) and cases.name in FULL_MAPS else cases
+
+
 def row(report: Report) -> tuple[str, ...]:
     """The row of a report."""
-    return (report.set_name, report.policy, report.shield, str(report.cases), *measure_cells(report))
+    at = f"{report.temperature:g}" if report.digest else ""
+    return (report.set_name, report.label, at, str(report.cases), *measure_cells(report))
 
 
 def draw(reports: Sequence[Report], path: Path) -> None:
-    """Draw alpha, delta_FT and p_rg by map into a PNG file, a picture a shield."""
+    """Draw alpha, delta_FT and p_rg by map into a PNG file, a picture a shield; without the rows that are mute."""
+    reports = [report for report in reports if not report.mute]
     names = list(dict.fromkeys(report.set_name for report in reports))
     policies = list(dict.fromkeys(report.policy for report in reports))
 

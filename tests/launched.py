@@ -2,6 +2,7 @@
 
 import importlib.util
 import os
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -143,3 +144,31 @@ def launched_nodes(context: Any, **arguments: str) -> list:
     for argument in declared:
         argument.execute(context)
     return start.execute(context)
+
+
+#: Launches a file with arguments, as `ros2 launch` does, in a namespace that is pushed before.
+PROGRAM = """
+import sys
+from launch import LaunchDescription, LaunchService
+from launch.actions import GroupAction, IncludeLaunchDescription
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch_ros.actions import PushRosNamespace
+
+file, namespace, *arguments = sys.argv[1:]
+source = PythonLaunchDescriptionSource(file)
+include = IncludeLaunchDescription(source, launch_arguments=[argument.split(":=", 1) for argument in arguments])
+service = LaunchService()
+pushed = [PushRosNamespace(namespace)] if namespace else []
+service.include_launch_description(LaunchDescription([GroupAction([*pushed, include])]))
+sys.exit(service.run())
+"""
+
+
+def really_launched(*arguments: str, pushed: str = "") -> subprocess.Popen:
+    """A process that launches the file by the real launch; its output is text."""
+    return subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, str(SHARE / "launch" / "team.launch.py"), pushed, *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )

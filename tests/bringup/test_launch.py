@@ -1,21 +1,17 @@
 """The launch file: what it refuses, where its nodes are, and what it does when a process ends.
 
-Where `launch` and `launch_ros` are not installed, a stand-in takes their place; `test_really_launched` needs them.
+Where `launch` and `launch_ros` are not installed, a stand-in takes their place; the last tests need them.
 """
 
 import importlib.util
-import os
 import socket
-import subprocess
-import sys
-import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from unittest import mock
 
 import pytest
-from launched import SHARE, launched, launched_nodes, some_launch
+from launched import SHARE, launched, launched_nodes, really_launched, some_launch
 
 from magat_node.errors import MagatError, TeamError
 from magat_node.restarts import RESTARTS, TRIES
@@ -151,35 +147,6 @@ def test_what_has_failed_by_itself_ends_the_team_and_what_only_watches_does_not(
 
 
 # --- The real launch ---
-
-#: Launches the file as often as there are namespaces, in groups, until every team has run an episode.
-PROGRAM = """
-import sys, threading
-from launch import LaunchDescription, LaunchService
-from launch.actions import GroupAction, IncludeLaunchDescription, TimerAction, Shutdown
-from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch_ros.actions import PushRosNamespace
-
-file, arguments, pushed = sys.argv[1], [a.split(":=", 1) for a in sys.argv[3:]], sys.argv[2].split(",")
-def team(namespace):
-    source = PythonLaunchDescriptionSource(file)
-    return GroupAction([*([PushRosNamespace(namespace)] if namespace else []),
-                        IncludeLaunchDescription(source, launch_arguments=arguments)])
-service = LaunchService()
-service.include_launch_description(LaunchDescription([team(namespace) for namespace in pushed]))
-sys.exit(service.run())
-"""
-
-
-def really_launched(*arguments: str, pushed: str = "") -> subprocess.Popen:
-    """A process that launches the file by the real launch; its output is all lines."""
-    return subprocess.Popen(
-        [sys.executable, "-c", textwrap.dedent(PROGRAM), str(SHARE / "launch" / "team.launch.py"), pushed, *arguments],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        env={name: value for name, value in os.environ.items() if name != "_ROS_WHEELS_BOOTSTRAP_COMPLETE"},
-    )
 
 
 @needs_launch

@@ -3,7 +3,10 @@
 import os
 import sys
 
-from magat_bringup.environment import PROFILES
+from magat_node.imports import quiet_imports
+
+with quiet_imports():
+    from magat_bringup.environment import PROFILES
 
 PROGRAM = "fast-discovery-server"
 

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the suites share: the settings of hypothesis, random worlds, networks that look trained."""
 
 import copy

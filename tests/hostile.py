@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Messages that strangers could publish on a team's topics: malformed ones, and well-formed ones that make no sense."""
 
 from rclpy.serialization import serialize_message

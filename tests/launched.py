@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The launch file without `ros2 launch`: by the real `launch` and `launch_ros`, or by a stand-in."""
 
 import importlib.util

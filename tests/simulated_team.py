@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Recordings of a team that is simulated in this process, so that every message is known."""
 
 from collections.abc import Callable, Sequence

@@ -1,4 +1,7 @@
 #!/usr/bin/env python3
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Set the project up: the virtual environment .venv, ROS 2 Jazzy, the workspace and the `magat` command.
 
 If ROS 2 Jazzy is sourced (`source /opt/ros/jazzy/setup.bash`), that ROS is used; otherwise ROS is installed

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``colcon test`` finds the tests of each package, which are in ``tests/`` at the top of the repository."""
 
 import json

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The packages depend on each other one way, as their manifests say, and none is too large.
 
 All of this is computed from the sources, which are not imported. Imports in functions and under TYPE_CHECKING count.

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The bench of the batched simulator: what it counts, and where it says the time goes."""
 
 from collections.abc import Callable

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The client keeps the worlds of its own episode, whatever strangers publish."""
 
 import time

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Where a team's messages may go: domains, ports, the discovery server, and what is told to processes."""
 
 import os

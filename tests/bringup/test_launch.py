@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The launch file: what it refuses, where its nodes are, and what it does when a process ends.
 
 Where `launch` and `launch_ros` are not installed, a stand-in takes their place; the last tests need them.

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The launch file needs only what launch itself needs: `ros2 launch` runs in the system's Python, not in ours."""
 
 import subprocess

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Processes of a team are watched: log lines are passed on, and killed processes are restarted, or not."""
 
 import os

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """However a run ends, what was done is in its folder and in the table."""
 
 import errno

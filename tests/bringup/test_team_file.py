@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Teams from files: what is refused, and that `magat run` and the launch file start the same processes alike."""
 
 import os

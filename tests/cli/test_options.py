@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Options that would have no effect are refused, and results for programs are JSON."""
 
 import argparse

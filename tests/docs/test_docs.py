@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The pages say what the code says: links, paths, commands, options, terms, and the graph of the packages."""
 
 import argparse

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What plans without learning: its paths are walked as planned, and judged as a policy's are."""
 
 from collections import deque

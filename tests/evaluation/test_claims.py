@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The claims of the paper, the aims and the controls: verdicts that follow from what was measured, and from no less."""
 
 import dataclasses

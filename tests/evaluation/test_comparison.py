@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Comparisons: paired, with intervals that hold the truth as often as they say, and that say when they know nothing."""
 
 import numpy as np

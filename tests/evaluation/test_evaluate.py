@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``magat evaluate``: what it prints is JSON, and says on what a policy was measured."""
 
 import json

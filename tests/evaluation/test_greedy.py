@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The control that walks by its own field of view, without a network and without messages."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What was measured of a policy: the right figures, kept as a whole, and never those of other weights."""
 
 import dataclasses

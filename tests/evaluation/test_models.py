@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The list of policies: all that are there, verified, with what was measured of them."""
 
 import json

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Scores are repeatable, and belong to their cases, whatever else is evaluated beside them."""
 
 from collections.abc import Callable

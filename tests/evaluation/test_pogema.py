@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """POGEMA's world and ours: the same sights, the same decisions, and the same ways where the rules agree."""
 
 import json

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The page of results: what is on it was measured, and nothing is measured twice."""
 
 import dataclasses

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Success against flowtime: the same measures as an evaluation's, in a table, a file and a picture."""
 
 import csv

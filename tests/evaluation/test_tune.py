@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Temperatures: chosen for each shield on validation cases, kept in the policy's folder, and used from there."""
 
 import dataclasses

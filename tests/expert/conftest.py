@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Shared by the tests of the expert: an oracle that finds optimal costs by brute force, and small maps."""
 
 import heapq

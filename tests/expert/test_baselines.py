@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """HCA and Replan: their paths are valid, and `arrived` and the statuses are right."""
 
 import math

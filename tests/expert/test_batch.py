@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Many cases at once: the same solutions in the same order, however many threads work on them."""
 
 import math

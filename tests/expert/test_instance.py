@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Every invalid instance is refused with a message that names the robot, the cell and the way out."""
 
 import numpy as np

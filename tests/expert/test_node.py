@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The expert as a service: several clients at once, time limits, and an answer to each request at shutdown."""
 
 import math

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """ECBS and HCA against another implementation: CBS (optimal) and HCA* of w9-pathfinding."""
 
 from typing import Any

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Properties of the search on random instances, against an oracle that shares nothing with it."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The checker of paths: it finds each kind of violation, and only violations."""
 
 import numpy as np

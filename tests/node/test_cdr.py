@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Serialised feature messages are those of the middleware, and damaged ones are detected."""
 
 import array

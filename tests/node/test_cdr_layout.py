@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Lengths in serialised messages are checked before the C library sees them."""
 
 import array

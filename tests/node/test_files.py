@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Atomic writes: a file is there as a whole, old or new."""
 
 from pathlib import Path

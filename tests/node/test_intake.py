@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Messages that cannot be used are dropped, counted and logged with the node's name, and end nothing."""
 
 from pathlib import Path

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Parameters: what they take, what they refuse and how, and which can be set while a node runs."""
 
 from collections.abc import Callable, Iterator

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Restarts are limited in a window of time, and what is given up says how often it was killed."""
 
 import signal

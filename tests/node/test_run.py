@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Programs: what they print when they cannot start, are told to end early, or wait for a clock."""
 
 import importlib.util

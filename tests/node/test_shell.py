@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Variables of the shell that ROS cannot use are named, with their values, before ROS fails on them."""
 
 import os

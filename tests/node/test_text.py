@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Texts from the network cannot fill a log, or look like lines of others."""
 
 from magat_bringup.log_lines import styled

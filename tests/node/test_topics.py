@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The table of topics: what it creates, and that docs/protocol.md is the same table."""
 
 import re

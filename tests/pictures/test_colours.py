@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The colour table: robots are readable on their backgrounds, and the page uses the same table as the pictures."""
 
 import re

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Pictures and animations of episodes: they open, have the right size, and show things where they are."""
 
 from collections.abc import Callable

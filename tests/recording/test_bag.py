@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Bags: what is written is read again, by other libraries too; what was cut off or damaged says so, and is saved."""
 
 import random

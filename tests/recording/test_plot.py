@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Pictures of recordings: what is drawn is the episode, the tick and the robot that were asked for."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Recordings whose recorder was killed or could not write, and what strangers sent to recorders."""
 
 import os

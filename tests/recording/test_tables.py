@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What is found out from a bag of a team whose every message is known, because it is simulated here."""
 
 import json

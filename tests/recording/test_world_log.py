@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """World messages are kept by episode, and those that make no sense are refused."""
 
 from types import SimpleNamespace

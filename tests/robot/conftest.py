@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Shared by the tests of policies: the policies that they run for."""
 
 import pytest

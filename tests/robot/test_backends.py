@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """All backends compute the same messages and decisions, to the last bit."""
 
 import json

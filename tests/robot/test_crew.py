@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A single crew, step by step: what it waits for, what it can do without, and what it drops."""
 
 from collections.abc import Callable, Sequence

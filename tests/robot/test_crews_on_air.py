@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Crews of any size decide as single robots and as the batched simulator, in any order of delivery, with any loss."""
 
 from collections.abc import Callable, Sequence

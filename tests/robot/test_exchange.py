@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The exchange keeps valid messages of this tick from robots in range, once each, and drops or ignores others."""
 
 import pickle

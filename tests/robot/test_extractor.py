@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The CNN against a plain Python computation: residual blocks, and the plain blocks of GNN_baseline."""
 
 from collections.abc import Callable

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Fixed-point arithmetic: rounding, bounds of exact sums, and the table of exponentials."""
 
 import math

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The graph layers and the network against a plain Python computation of Eq. 3 and 5 to 9 of the paper.
 
 Matrices are lists of rows here, and what is done with them is written out, so that nothing is shared with the layers.

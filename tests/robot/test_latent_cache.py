@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Cached latent states equal computed ones to the last bit, and are not computed again."""
 
 from collections.abc import Callable

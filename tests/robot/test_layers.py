@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The registry of graph layers: what a configuration learns without torch is what the classes are decorated with."""
 
 import subprocess

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The encodings of messages: exact or rounded as documented, and strict about invalid payloads."""
 
 from collections.abc import Callable

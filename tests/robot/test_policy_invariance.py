@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Decisions are the same to the last bit for any numbering, time, batch and order of messages."""
 
 import itertools

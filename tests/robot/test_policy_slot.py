@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A deployed policy is prepared, switched to and rolled back, or refused if it cannot be used."""
 
 import json

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Policy folders: a loaded policy decides as the saved one; damaged files are refused by name."""
 
 import dataclasses

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The fixed-point form of a network: close to the trained form, exact, and refused if it cannot be exact."""
 
 import copy

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Shared by the tests of the simulator: worlds set up by hand, and an independent check of steps."""
 
 from collections.abc import Callable, Sequence

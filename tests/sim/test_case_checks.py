@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What `make_case` refuses, and what its messages say."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A team switches as one: all robots to the new policy, or none, whatever happens in between."""
 
 import pytest

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The measures of episodes that are stepped by hand, on a map of 4 x 2 free cells."""
 
 import math

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The states of an episode and the events that lead from one to the next; without ROS, with a clock that is set."""
 
 from collections.abc import Callable

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The input tensor, against an implementation by definition: slow, cell by cell, in exact fractions."""
 
 from fractions import Fraction

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Intervals, the expert's flowtime, and the measures of a set."""
 
 import math

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """MovingAI's files: what is written is read back, y is turned round, and what is wrong is named with its line."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The PIBT shields: no collisions with any input, and the same moves as a plain implementation of the algorithm."""
 
 import dataclasses

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The communication graph, compared with a brute-force implementation."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The relay sends each robot the messages in its range, once per round, and nothing else."""
 
 import itertools

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Cases out of MovingAI's files: scored as drawn ones are, and asked of a team in full."""
 
 import json

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The shield ``idle``: robots never collide, and no robot waits without a reason."""
 
 from collections import Counter

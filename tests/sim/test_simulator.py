@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Worlds in lockstep go as each goes alone, the same seeds give the same episode, and each world ends."""
 
 from collections.abc import Callable

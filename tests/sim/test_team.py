@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Which robots take part: those that are ready, not those that became silent, and again those that answer."""
 
 import pytest

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """An episode tick by tick: tags lead answers home, silence idles, nonsense is dropped."""
 
 import numpy as np

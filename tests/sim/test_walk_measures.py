@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The measures computed from recorded positions are those of the simulator."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Runs a program of the team behind a bad network: ``python -m bad_network FAULTS MODULE [ARGUMENT ...]``.
 
 FAULTS is a JSON object, by the last part of a topic's name: what happens to the messages that this program's

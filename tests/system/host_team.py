@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A team without its robots, on the host that this program runs on: what `magat run --no-robots` starts, for tests.
 
 Reads goals from standard input and writes what happens to standard output, one JSON object a line.

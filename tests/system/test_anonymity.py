@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """No message that a robot receives, and no metadata that it reads, identifies the sender."""
 
 import collections

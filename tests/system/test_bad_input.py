@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Messages from foreign processes and wrong requests do no harm: paths do not change, errors are clear."""
 
 import array

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Deployment of a new policy to a running team: all robots switch between the same two episodes, or none does."""
 
 import io

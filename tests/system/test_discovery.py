@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The discovery server: teams with it are like others, and nothing that they open can be reached from elsewhere."""
 
 import os

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A team of processes and the batched simulator walk the same paths, whatever the radio, the crews and the encoding."""
 
 import collections

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Faults of processes and of the network: no robot collides, nothing hangs, and the measures show what went wrong."""
 
 import os

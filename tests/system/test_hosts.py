@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A team on three hosts: robots on two of them, simulator, expert and client on the third.
 
 The hosts are network namespaces. Where those are not allowed, these tests are skipped.

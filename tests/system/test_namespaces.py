@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Two teams in one ROS domain, each in its namespace: by `magat run`, and by launch where that is installed."""
 
 import importlib.util

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A running team needs no torch, nor does what shows and records it."""
 
 from pathlib import Path

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Robots that die, wrong models, interruption: no collision, no hang, nothing left behind."""
 
 import os

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The recorder alone: when it reports that it receives everything, and what it refuses."""
 
 import time

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Recordings of real teams: complete at full rate, nearly complete if the recorder is killed, and replayed."""
 
 import io

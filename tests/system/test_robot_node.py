@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A robot's node alone: how it handles messages, and when its deadline runs."""
 
 import array

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The simulator node without a team: relayed messages, the request to the expert, and bad parameters."""
 
 from unittest import mock

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The page of real teams shows their worlds and the details of a robot, and does not disturb the team."""
 
 import os

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Data sets: what is made is read, whatever happened in between; what is not as it was made is refused."""
 
 import hashlib

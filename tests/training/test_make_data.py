@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`magat data`: it makes a data set, says what is in it, and can be interrupted."""
 
 import signal

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The online expert: it says what to do next where the policy itself led, and only there."""
 
 import math

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Recipes: the names and files that training starts from."""
 
 from dataclasses import replace

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What computes needs no ROS: a machine that only trains has none."""
 
 import subprocess

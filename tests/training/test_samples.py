@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Training samples are what the simulator shows to robots on the expert's paths, or wherever else they are."""
 
 from dataclasses import replace

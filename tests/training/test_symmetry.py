@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The eight symmetries are a group, and turn cells, arrays and primitives alike."""
 
 from itertools import product

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``magat train``: from a recipe to a policy folder, and the bench of training."""
 
 import io

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Training: it learns, and an interrupted run goes on as if nothing had happened."""
 
 import json

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Processes that train one policy together: all of them have the same weights, and one writes."""
 
 import json

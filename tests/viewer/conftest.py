@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Worlds as a team would say them, without ROS."""
 
 from collections.abc import Callable

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``magat view`` of a recording: a screenshot, and a replay that is watched."""
 
 import os

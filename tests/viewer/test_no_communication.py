@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Teams whose robots do not communicate (K = 1) are shown, analysed and drawn, without attention."""
 
 import itertools

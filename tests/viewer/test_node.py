@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The page's node: what it learns from the topics of a team, and that no message can crash it."""
 
 import itertools

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The page in a real browser: it loads, plays and reacts to mouse and keyboard, without errors in the console."""
 
 from collections.abc import Callable, Iterator

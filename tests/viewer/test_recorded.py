@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The page of a recording shows its contents, with the attention that the analysis computes."""
 
 import itertools

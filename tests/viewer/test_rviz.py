@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The RViz bridge: what RViz, Foxglove and diagnostics tools are shown is what the team said."""
 
 import array

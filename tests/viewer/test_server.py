@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The page's server: access, files, and that a slow browser gets the newest state, not a queue."""
 
 import asyncio

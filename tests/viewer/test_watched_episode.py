@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Browsers get what the World messages say, and an episode has the measures of the simulator."""
 
 import math

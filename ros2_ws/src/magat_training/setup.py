@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 from setuptools import find_packages, setup
 
 PACKAGE = "magat_training"

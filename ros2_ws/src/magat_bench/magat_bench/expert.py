@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``magat bench-expert``: the time of the expert on sets of cases, and its cost against the lower bound."""
 
 from collections.abc import Iterator, Sequence

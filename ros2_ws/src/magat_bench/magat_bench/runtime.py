@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``magat bench-runtime``: ticks per second of a team by radio, backend and processes."""
 
 import os

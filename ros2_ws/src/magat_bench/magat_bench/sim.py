@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``magat bench-sim``: the speed of the batched simulator with a policy, and the time of each part of a step."""
 
 import cProfile

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``magat bench-training``: observations per second in training, the time of each part, and the limit of the CPU."""
 
 import dataclasses

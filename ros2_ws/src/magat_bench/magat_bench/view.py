@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``magat bench-view``: frames per second of the page, and the CPU time of its server, by the size of the team.
 
 The robots walk at random. Their worlds are published as by a simulator, and the page's server is the same process as in

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A team: its robots, simulator and expert and, if wanted, a recorder, the page, the RViz bridge and RViz.
 
 `--show-args` lists the arguments. What each process is told comes from `magat_bringup.team`, as for `magat run`.

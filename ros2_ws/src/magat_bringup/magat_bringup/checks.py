@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What `magat run` checks before it starts a process."""
 
 from magat_bringup.run_plan import RunPlan

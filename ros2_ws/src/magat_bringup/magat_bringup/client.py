@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The client of the RunEpisode action: requests episodes and keeps their World messages."""
 
 from collections.abc import Callable

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``magat deploy``: sends a policy to the robots of a team that runs."""
 
 from collections.abc import Mapping

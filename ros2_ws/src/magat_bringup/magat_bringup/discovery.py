@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A team's discovery server: Fast DDS's own program, at the address in ``ROS_DISCOVERY_SERVER`` and nowhere else."""
 
 import os

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The network of a team: by default its messages reach only processes of this run on this machine."""
 
 import errno

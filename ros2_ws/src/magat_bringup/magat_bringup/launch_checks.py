@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the launch file checks before it starts a process; free of everything that launch does not need itself."""
 
 import os

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Log lines of a team's processes for one terminal, each prefixed with its coloured source."""
 
 import re

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Teams that were not started by this run, by hand or by launch, in the ROS domain that it is to use."""
 
 from magat_bringup.environment import NoDomainError, occupied

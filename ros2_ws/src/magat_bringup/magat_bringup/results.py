@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The results of a run: kept in a file after each episode, and shown as a table."""
 
 import json

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``magat run``: starts a team of processes, runs episodes on it, and shows a table, a picture and an animation."""
 
 import os

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The folder of one run: made for it alone, and free of the files of earlier runs."""
 
 import fcntl

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Which episodes `magat run` runs, and where it writes to."""
 
 from array import array

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The processes of a team and their arguments: the same for ``magat run`` and for the launch file.
 
 Free of ROS and of launch.

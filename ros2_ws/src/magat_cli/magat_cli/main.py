@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The ``magat`` command: finds the verb, reads its options, runs it, and prints errors in one line."""
 
 import argparse

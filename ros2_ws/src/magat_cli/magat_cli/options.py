@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the options of several verbs have in common: their types, their groups, and which of them were given."""
 
 import argparse

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Baselines: planners without learning, in the same simulator and with the same measures as policies.
 
 The expert, HCA and Replan plan whole paths, which the robots then follow. In PIBT each robot knows the map and ranks

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Candidates: what is evaluated, a policy in a setting or a baseline."""
 
 from collections.abc import Callable

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Cases for training, validation and tests, with the expert's solutions."""
 
 import math

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a claim of the paper is, how it is tested on what was measured, and its verdict."""
 
 from collections.abc import Callable, Mapping, Sequence

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Comparison of policies on the same cases: combinations of means, with bootstrap intervals; trainings are a factor."""
 
 from collections.abc import Sequence

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Evaluations: episodes of a candidate on many cases, in the batched simulator, with progress."""
 
 import dataclasses

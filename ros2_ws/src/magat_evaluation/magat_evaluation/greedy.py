@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The control without a network and without a radio: each robot walks towards its goal by what it sees itself."""
 
 from collections.abc import Sequence

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What was measured of the paper's test sets, by policy, map and condition, with all trainings of a policy."""
 
 import re

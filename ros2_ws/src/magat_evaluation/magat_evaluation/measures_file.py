@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``measures.json`` in a policy's folder: its reports on the standard sets, a JSON list, made by ``magat measure``.
 
 Each report names the weights by their digest. When the folder gets other weights, its reports are stale, see

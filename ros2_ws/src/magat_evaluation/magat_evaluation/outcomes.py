@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What became of each case of an evaluation: what paired comparisons need."""
 
 from collections.abc import Mapping, Sequence

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Every claim of the paper on its results, and what was measured here of it."""
 
 from collections import Counter

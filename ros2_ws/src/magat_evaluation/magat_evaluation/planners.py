@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Episodes of a policy or of another planner on a set of cases, in the batched simulator."""
 
 from collections.abc import Callable, Sequence

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Points: candidates on sets of cases, whose reports are kept in CSV files.
 
 A file has a row for each point. A point is measured again only when its key changes, see `EvaluationKey`.

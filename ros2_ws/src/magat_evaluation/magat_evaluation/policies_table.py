@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The table of policies: at which temperatures they sample, and how they were trained."""
 
 from collections.abc import Mapping

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Reports: what one evaluation measured, and on what."""
 
 import dataclasses

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """CSV files of reports, a row each, and beside each of them a file with what became of every case.
 
 The outcomes of ``NAME.csv`` are in ``NAME-cases.csv``, a row a report, found by the short name of the report's key.

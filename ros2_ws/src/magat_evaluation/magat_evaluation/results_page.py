@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The page of results: measures the studies, draws their pictures, and fills in the page's template."""
 
 import re

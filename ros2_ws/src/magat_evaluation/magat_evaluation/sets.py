@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Sets of cases that policies are evaluated on. Quick to import."""
 
 from collections.abc import Mapping, Sequence

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The splits of the cases, and the limits of the expert that solves them. Quick to import."""
 
 from collections.abc import Mapping

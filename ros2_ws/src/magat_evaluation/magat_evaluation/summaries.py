@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Tables that sum up what was measured: the aims, what messages are worth, and what two trainings differ by."""
 
 from magat_evaluation.claims import Verdict, level, shown

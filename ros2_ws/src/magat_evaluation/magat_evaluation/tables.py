@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Tables of reports, in Markdown and for the terminal."""
 
 import itertools

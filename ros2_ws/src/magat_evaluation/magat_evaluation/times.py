@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Seconds of a policy and of the expert for each case: the paper's Table II."""
 
 import csv

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Chooses a policy's sampling temperature for each shield, on validation cases of small and large maps."""
 
 from collections.abc import Sequence

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The expert that the policy imitates, ECBS, and two baseline planners. Importing it needs no ROS.
 
 Cells are `(x, y)`, x to the right, y up; maps are indexed `[y, x]`.

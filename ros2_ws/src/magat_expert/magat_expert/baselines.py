@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The paper's planners without learning: HCA and Replan. Neither is complete or has a bound on its cost."""
 
 from numpy.typing import ArrayLike

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Validation of multi-agent path finding instances and of the parameters of a search."""
 
 import math

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The expert as a ROS 2 service. It only translates between `SolveMapf` and `magat_expert.solve`."""
 
 import sys

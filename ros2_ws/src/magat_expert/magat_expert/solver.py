@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The expert: ECBS, a bounded-suboptimal solver for multi-agent path finding."""
 
 import enum

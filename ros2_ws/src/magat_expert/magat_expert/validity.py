@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """An independent check of paths, in plain NumPy. It shares no code with the search."""
 
 import numpy as np

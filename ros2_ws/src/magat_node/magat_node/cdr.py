@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Serialised Feature and FeatureBundle messages, read and written without rclpy's conversion.
 
 With the direct radio, the N robots of a team receive N^2 Features in a round, and most are out of range. Reading the

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Checks the lengths in serialised messages, from the definitions of their types, before they are deserialised.
 
 The layout is CDR (OMG DDSI-RTPS): a header of four bytes, then the fields, each aligned to its size. Free of rclpy.

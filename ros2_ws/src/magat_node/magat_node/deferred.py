@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Services and actions that answer later than in their callback."""
 
 from collections.abc import Callable

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Files that are never seen half written; free of ROS."""
 
 from collections.abc import Iterator

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The way of messages into a node: those that cannot be used are dropped, counted and logged, and do no other harm.
 
 Every subscription takes serialised messages. A callback of rclpy gets deserialised ones, and a damaged message then

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Remembers SIGINT and SIGTERM, because an exception from a signal handler is lost inside callbacks from C code."""
 
 import signal

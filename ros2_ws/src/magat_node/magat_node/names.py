@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The names of robots and the namespaces of teams, checked by ROS's rules before a process starts. Free of ROS."""
 
 import re

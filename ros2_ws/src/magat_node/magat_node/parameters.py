@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Parameters with a description and a range; those that can be set while a node runs, and those that cannot."""
 
 from collections.abc import Callable

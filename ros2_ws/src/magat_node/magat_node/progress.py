@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Progress bars of commands; free of ROS. It imports rich, so nodes do not import it."""
 
 from collections.abc import Iterable, Iterator

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """How often a process is started again. Free of ROS."""
 
 from collections import deque

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Checks of the variables of a shell that ROS reads, before ROS fails on them. Free of ROS."""
 
 import os

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Validation of RobotStatus messages, and of the names of a team's robots. Free of ROS."""
 
 from functools import lru_cache

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Every topic of a team, in one table: name, type, quality of service, publisher and subscribers.
 
 To add a topic, add an entry and call its `Topic.publisher` and `Topic.subscription` where it is used. A test holds the

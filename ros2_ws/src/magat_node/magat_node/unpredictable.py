@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Random numbers and orders of the operating system, which nobody can predict or repeat; free of ROS.
 
 They are for what must not tell robots anything: tags, and orders of messages. Generators such as NumPy's PCG64 are

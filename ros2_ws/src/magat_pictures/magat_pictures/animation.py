@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """An episode as an animated GIF.
 
 Frames are drawn at twice their size and then reduced, which smooths the edges. Cells are ``(x, y)``, x to the right, y

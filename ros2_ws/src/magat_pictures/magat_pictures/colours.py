@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The colour table of the project: pictures, animations, charts, the browser page and RViz.
 
 Pictures use tints of a few inks on white paper, so that one palette of 256 colours is enough for an animation. The

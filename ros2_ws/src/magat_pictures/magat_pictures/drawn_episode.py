@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """An episode as arrays, ready to be drawn."""
 
 from dataclasses import dataclass

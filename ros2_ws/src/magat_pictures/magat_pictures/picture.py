@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A whole episode in one picture.
 
 Cells are ``(x, y)``, x to the right, y up. Sizes are in inches on the sheet, in cells on the map, and in points for

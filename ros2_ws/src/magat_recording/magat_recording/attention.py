@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Attention of a recorded team, computed again from its messages with the robots' own policy.
 
 Attention is on no topic. But the sums of a deployed policy do not depend on their order

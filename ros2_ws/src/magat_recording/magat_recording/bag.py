@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Reading and writing rosbag2 bags: folders with an MCAP file and metadata.yaml.
 
 Messages are written serialised and read decoded. Free of ROS, because the file itself has the message definitions.

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The pictures of ``magat analyze``: attention, timing and entropy of decisions. Sizes are in inches."""
 
 from pathlib import Path

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Deadlocks of a recorded team: robots that keep each other from their goals."""
 
 import numpy as np

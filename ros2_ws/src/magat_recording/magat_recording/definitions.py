@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Topics with their message definitions and quality of service, as a bag stores them."""
 
 import json

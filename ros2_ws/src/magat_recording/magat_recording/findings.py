@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The results of ``magat analyze``: measures, timing, attention and deadlocks of a recorded team."""
 
 from dataclasses import dataclass

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``magat plot``: pictures and animations of recorded episodes, with the robots' attention."""
 
 from pathlib import Path

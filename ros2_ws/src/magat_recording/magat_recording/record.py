@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``magat record``: records a running team until it is interrupted."""
 
 from pathlib import Path

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The recorder node: writes all messages of a team to a bag, undecoded.
 
 It is a tool: the team does not depend on it, and robots do not read its output.

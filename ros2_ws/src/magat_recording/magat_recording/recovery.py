@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Recordings whose recorder was killed: bags without an index, and the folders in which a recorder went on.
 
 A recorder that is started again with the same folder writes to FOLDER_2, and so on. These are the pieces of one

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The report of ``magat analyze``: printed tables, JSON, CSV files and pictures."""
 
 from collections.abc import Mapping

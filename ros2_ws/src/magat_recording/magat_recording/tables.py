@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Tables of a recorded team: episodes, ticks, robots, messages, and messages that the recording lacks. Free of ROS.
 
 Episodes are numbered from 0 in the order in which they began, robots in the simulator's order. Row ``tick`` is the step

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Validation of World messages before they are shown or kept. Free of ROS."""
 
 from typing import Any

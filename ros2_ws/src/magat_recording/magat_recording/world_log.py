@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The World messages of one episode as arrays. Free of ROS."""
 
 from dataclasses import dataclass, field

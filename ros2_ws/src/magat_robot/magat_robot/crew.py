@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The state machine of a tick, for the robots of one process (the crew). Free of ROS.
 
 A process runs one robot or several. Several robots share one policy and are computed as one batch, but they exchange

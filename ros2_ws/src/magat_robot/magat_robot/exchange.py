@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The mailbox of the robots in one process: sorts messages by tick and round, and drops invalid ones. Free of ROS.
 
 The sender of a message is not known. Each message carries a one-time tag, which is valid for one tick.

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Starts the robot processes of a team by forking: the policy is loaded and ROS imported only once.
 
 Forked processes share the memory of the policy and start in a fraction of the time. Otherwise each is the same as a

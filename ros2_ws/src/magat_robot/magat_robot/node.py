@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The ROS node of the robots in one process: translates between ROS messages and `Crew` and `PolicySlot`."""
 
 import functools

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The robots' side of a deployment: prepares a new policy, switches to it, rolls it back. Free of ROS."""
 
 import tempfile

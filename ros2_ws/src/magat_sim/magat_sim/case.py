@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Cases: a map with starts and goals, checked, and drawn from a seed and a number."""
 
 from dataclasses import dataclass

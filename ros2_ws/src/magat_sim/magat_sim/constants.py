@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Numbers and names that the simulator node, launch, the evaluation and the training share. Quick to import."""
 
 #: T_max is this many times the expert's makespan (MAGAT paper, Sec. VI-A).

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Deploying a policy to a team: all robots prepare it, then all switch, or none does. No ROS; time is passed in."""
 
 import enum

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The action server that gives a team another policy: between two episodes, to all robots or to none."""
 
 import secrets

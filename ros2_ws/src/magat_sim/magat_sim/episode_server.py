@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The server of episodes on a team: gather the robots, ask the expert, tick until the end. Free of ROS.
 
 It is a state machine; the states are in `magat_sim.episode_states`.

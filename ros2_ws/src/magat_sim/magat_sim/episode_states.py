@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The states of an episode on a team. Each class holds what exists in that state only.
 
     Idle -> Gathering -> AwaitingExpert -> Ticking -> Idle

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The field of view of a robot: the input tensor of the policy (MAGAT paper, Sec. V-B)."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Cells and motion primitives. Only this module converts between cells ``(x, y)`` and array indices ``[y, x]``."""
 
 from enum import IntEnum

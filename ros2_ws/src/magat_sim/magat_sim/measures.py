@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The measures of an episode and of a set of them (MAGAT paper, Sec. VI-A)."""
 
 import math

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Cases in the files of the path finding community: MovingAI's `.map` and `.scen`.
 
 Sturtevant: "Benchmarks for Grid-Based Pathfinding" (TCIAIG 2012), and Stern et al.: "Multi-Agent Pathfinding:

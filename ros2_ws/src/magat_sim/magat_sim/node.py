@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The simulator node: translates between ROS and `EpisodeServer`, which runs episodes on a team of robot processes."""
 
 import array

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The relayed radio: the messages of a round, passed on to the robots in range. Free of ROS."""
 
 from collections import Counter

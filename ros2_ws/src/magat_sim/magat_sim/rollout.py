@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Whole episodes in one process: the batched simulator with any decision function."""
 
 from collections.abc import Callable

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Collision shielding: turns the actions of robots into moves that never collide."""
 
 from collections.abc import Callable, Mapping

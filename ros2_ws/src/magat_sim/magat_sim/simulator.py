@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The simulator: one world, or many in lockstep. The simulator node, training and evaluation all step this class."""
 
 from collections.abc import Sequence

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The random streams of an episode, all derived from a seed, a number and, in a team of processes, a secret.
 
 Without a secret the streams come from NumPy's `SeedSequence`, which everybody can compute. A robot that tries all

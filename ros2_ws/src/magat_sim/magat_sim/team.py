@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Which robots take part: readiness before an episode, absence and return during one. No ROS; time is passed in."""
 
 import math

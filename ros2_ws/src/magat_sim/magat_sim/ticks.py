@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """One episode on a distributed team, tick by tick: observations with one-time tags, preferences. Free of ROS."""
 
 from dataclasses import dataclass

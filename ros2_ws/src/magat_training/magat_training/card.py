@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The card of a policy: how it was trained and how well it does, for readers of its folder."""
 
 import json

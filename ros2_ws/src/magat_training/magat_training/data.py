@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Data sets: folders of solved cases, with the same contents on every machine.
 
 A folder holds shards ``{split}-{number of the first case:05d}.npz`` and, once it is complete, ``manifest.json``. Shards

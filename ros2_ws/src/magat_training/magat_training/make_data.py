@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``magat data``: makes and shows data sets, folders of cases with the expert's solutions."""
 
 import time

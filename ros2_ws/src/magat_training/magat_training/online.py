@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The online expert: labels states that the policy itself visits (MAGAT paper, Sec. V-D; DAgger, Ross et al. 2011)."""
 
 import math

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Recipes: YAML files that say how `magat train` trains a policy."""
 
 import dataclasses

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Training samples: observations of whole teams with the expert's next primitives, turned by random symmetries."""
 
 from collections.abc import Sequence

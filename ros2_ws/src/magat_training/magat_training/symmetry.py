@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The eight rotations and reflections of a grid world: each observation and its action give eight."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``magat train``: makes the data set, trains a policy, writes its folder, and measures it."""
 
 import dataclasses

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The processes that train one policy together: a single one, or those that torchrun starts."""
 
 import os

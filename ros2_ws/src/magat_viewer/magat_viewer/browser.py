@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The page in a headless Chromium, for tests, screenshots and the bench."""
 
 import shutil

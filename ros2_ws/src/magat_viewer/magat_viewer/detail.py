@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the chosen robot saw, received and decided in one tick. Free of ROS.
 
 The sums of a deployed policy do not depend on their order. So the page can compute again, to the last bit, what a robot

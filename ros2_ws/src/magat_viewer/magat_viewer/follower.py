@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A client of the page's WebSocket that draws nothing, for tests and the bench."""
 
 import asyncio

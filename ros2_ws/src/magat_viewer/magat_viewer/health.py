@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The health of a team's processes, from their RobotStatus messages. Free of ROS."""
 
 from collections.abc import Sequence

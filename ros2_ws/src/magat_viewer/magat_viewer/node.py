@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A running team as a source for the page: subscribes to its topics, and publishes nothing."""
 
 import threading

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A recorded team as a source for the page. Free of ROS."""
 
 from collections.abc import Collection

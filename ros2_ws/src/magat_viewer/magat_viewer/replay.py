@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``magat replay``: publishes the recorded topics for tools again, for RViz, Foxglove and the page."""
 
 import os

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The log of the page's server: malformed requests are counted and shortened. Free of ROS."""
 
 import logging

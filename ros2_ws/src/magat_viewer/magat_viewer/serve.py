@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``magat view``: serves the page of a running or recorded team until it is interrupted."""
 
 from collections.abc import Iterator

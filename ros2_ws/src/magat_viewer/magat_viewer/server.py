@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The page's web server: a fixed list of files, and a WebSocket that streams a team to a browser. Free of ROS.
 
 Only this machine reaches it, unless another address is given. Pages of other sites in the same browser do not: requests

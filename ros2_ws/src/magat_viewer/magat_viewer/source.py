@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The interface between the server and a team, live or recorded."""
 
 from collections.abc import Collection

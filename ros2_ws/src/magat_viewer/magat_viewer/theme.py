@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The colours of robots on the page, as a style sheet made from the project's colour table. Free of ROS."""
 
 from magat_pictures.colours import ROBOT_INKS, ROBOT_INKS_ON_DARK

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Converts the World messages of an episode to what browsers draw. Free of ROS.
 
 For each episode browsers get one *scene* (JSON: what does not change) and one *frame* for each tick (binary: what

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The verbs of the ``magat`` command, a module each.
 
 A module's docstring is the verb's help. It has ``add_arguments(parser)`` and ``main(options, console)``, which returns

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Measure observations per second in training, and the time of each part of a step."""
 
 import argparse

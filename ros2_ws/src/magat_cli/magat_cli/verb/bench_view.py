@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Measure frames per second of the page, and the CPU time of its server."""
 
 import argparse

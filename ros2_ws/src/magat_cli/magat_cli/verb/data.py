@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Make and verify data sets: cases with the expert's solutions."""
 
 import argparse

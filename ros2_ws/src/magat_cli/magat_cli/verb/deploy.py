@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Send a policy to the robots of a running team: all switch between two episodes, or none does."""
 
 import argparse

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Measure a policy or a baseline on many cases, in the batched simulator."""
 
 import argparse

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Make a policy's form for onnxruntime, unless it is there; needs torch."""
 
 import argparse

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Measure a policy on the standard sets, and keep the reports in its folder, for `magat models`."""
 
 import argparse

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Draw a recorded episode: paths, links and attention, or an animation."""
 
 import argparse

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Join a running team, and write all its messages to a rosbag2 folder."""
 
 import argparse

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Finish a bag whose recorder was killed, or save what is undamaged of a bag."""
 
 import argparse

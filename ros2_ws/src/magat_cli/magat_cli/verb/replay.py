@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Publish what tools could see of a recorded team again, for RViz, Foxglove and the page."""
 
 import argparse

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Measure the studies of docs/results.md, and write the page; run again to resume."""
 
 import argparse

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Start a team, one process a robot, and run episodes on it."""
 
 import argparse

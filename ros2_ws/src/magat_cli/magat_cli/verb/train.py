@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Train a policy by imitation of the expert; run again to resume."""
 
 import argparse

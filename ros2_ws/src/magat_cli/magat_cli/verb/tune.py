@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Choose a policy's sampling temperature for each shield, on validation cases; run again to resume."""
 
 import argparse

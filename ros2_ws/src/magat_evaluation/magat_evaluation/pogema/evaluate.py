@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``magat pogema``: a policy scored in POGEMA's world, by POGEMA's metrics."""
 
 from pathlib import Path

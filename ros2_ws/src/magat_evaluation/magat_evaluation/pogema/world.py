@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Policies in POGEMA, the environment in which others compare theirs (Skrynnik et al., 2022).
 
 Observations, messages and decisions are the same as in our simulator: `field_of_view`, `neighbours`, `ComputedPolicy`. Only the

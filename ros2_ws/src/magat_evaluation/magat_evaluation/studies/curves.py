@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The pictures of studies: measures as curves with their intervals, and how many robots reached their goals."""
 
 from collections import Counter

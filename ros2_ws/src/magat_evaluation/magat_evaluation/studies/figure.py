@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The eight panels of the paper's figure of results, with what was measured here. Not a study."""
 
 import re

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a study is, and the registry of those on the page of results."""
 
 import importlib

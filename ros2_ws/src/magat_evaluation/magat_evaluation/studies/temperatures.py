@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Success against flowtime over sampling temperatures: the frontier of a policy. Not on the page of results."""
 
 from collections.abc import Mapping, Sequence

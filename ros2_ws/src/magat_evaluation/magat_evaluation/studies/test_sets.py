@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The paper's test sets, with the baselines and the controls."""
 
 from collections.abc import Iterator, Mapping, Sequence

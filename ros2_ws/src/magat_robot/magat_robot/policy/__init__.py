@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The learned policy, free of ROS. Nothing is imported here: each module costs what it says.
 
 The science (torch):

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The backends: makes a `RobotPolicy` of a policy folder, by the name of the library that computes it.
 
 Other modules about policy folders: `models` finds them, `folder` reads and checks their files without torch, `store`

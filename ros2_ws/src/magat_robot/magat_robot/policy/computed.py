@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the backends that compute a policy have in common. Free of torch and onnxruntime."""
 
 from abc import ABC, abstractmethod

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The configuration of a policy: its name in the paper, and the settings that the name leaves open."""
 
 import re

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The backend echo: no network, for measuring the cost of everything around it."""
 
 from pathlib import Path

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Exports a policy to ONNX, for the backend onnx (`onnx_policy`).
 
 Each step of a tick becomes a file: one for `PolicyNetwork.perceive`, one for each round of `PolicyNetwork.hear`.

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The CNN of a policy: extracts 128 features from a robot's field of view (MAGAT paper, Sec. V-B, V-C)."""
 
 from typing import NamedTuple

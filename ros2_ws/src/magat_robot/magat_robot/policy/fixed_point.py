@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Fixed-point arithmetic, whose results do not depend on batch size, order of messages or number of threads.
 
 A robot computes alone, and a simulator computes thousands of robots at once. Floating-point sums depend on the order

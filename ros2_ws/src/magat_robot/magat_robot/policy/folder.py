@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The files of one policy folder: their names, reading and checking them, copying them. Free of torch.
 
 `store` saves and loads the weights in them with torch; `models` finds policy folders by name.

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The graph layers: how a robot aggregates its neighbours' messages (MAGAT paper, Eq. 3 and 5 to 9).
 
 To add one, define a subclass of `GraphLayer` here and decorate it with `layer`. Its name is then the first part of

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The grids of fixed point: units and ranges of values; `fixed_point` explains them. Free of torch."""
 
 import functools

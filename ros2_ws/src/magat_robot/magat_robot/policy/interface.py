@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The interface between a robot and its policy, the same for all backends. Free of torch."""
 
 from dataclasses import dataclass

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A cache for `RobotPolicy.perceive`: fields of view that were there in the call before are not computed again."""
 
 from collections.abc import Callable

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The registry of graph layers: the names that a policy's name may begin with, and the properties of each layer.
 
 A layer is registered where it is defined, by the decorator `magat_robot.policy.graph.layer`::

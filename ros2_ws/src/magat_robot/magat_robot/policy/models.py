@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Finds policy folders, by path, name or digest. `folder` and `store` read what is in them."""
 
 import os

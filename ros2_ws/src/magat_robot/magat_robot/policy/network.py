@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The network of a policy: CNN, feature reduction, graph layers, action MLP (MAGAT paper, Sec. IV and V-C).
 
 There is one definition and two forms: the network is built and trained in float32, and `to_fixed_point` converts a copy

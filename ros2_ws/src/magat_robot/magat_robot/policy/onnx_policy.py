@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The backend onnx: onnxruntime computes the same bits as torch, without torch.
 
 For one robot it is several times faster. It reads the files that `magat_robot.policy.export` writes. All sums are exact

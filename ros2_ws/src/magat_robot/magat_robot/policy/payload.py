@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The encodings of messages: feature vectors as bytes, and back.
 
 In every encoding, decoded values are multiples of the unit of `fixed_point`, so that sums over them are exact and do

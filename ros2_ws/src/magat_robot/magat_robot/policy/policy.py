@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The backend torch: the reference implementation of `RobotPolicy`."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Draws primitives from weights; each robot has its own repeatable stream of random numbers."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Saves networks to policy folders and loads them, with torch.
 
 A policy folder holds ``model.safetensors`` (weights), ``config.json`` and ``card.md`` (how it was trained, for people).

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Visit memory: a robot remembers the cells that it has entered, and prefers others. Free of torch.
 
 A policy sees one instant only. A robot in a pocket of obstacles that is wider than its field of view may therefore go

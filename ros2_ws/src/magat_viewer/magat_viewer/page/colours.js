@@ -1,3 +1,6 @@
+// Copyright 2026 MAGAT maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // The colours of the current theme, for drawing on canvases.
 
 const NAMES = ["paper", "card", "ink", "quiet", "line", "grid", "wall", "accent", "alarm", "view", "halo"];

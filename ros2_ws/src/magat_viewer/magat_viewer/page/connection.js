@@ -1,3 +1,6 @@
+// Copyright 2026 MAGAT maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // The WebSocket to the server, reconnected as long as the page is open.
 
 const DELAYS = [250, 500, 1000, 2000];

@@ -1,3 +1,6 @@
+// Copyright 2026 MAGAT maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // Drawing of the three canvases of the map. Cells are (x, y), y up; a view converts them to pixels, y down.
 
 import { colourOf, colours } from "./colours.js";

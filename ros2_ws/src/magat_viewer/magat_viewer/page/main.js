@@ -1,3 +1,6 @@
+// Copyright 2026 MAGAT maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // The page: messages of the server, input of the user, and the drawing loop.
 
 import { isDark, setTheme } from "./colours.js";

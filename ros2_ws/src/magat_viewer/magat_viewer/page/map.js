@@ -1,3 +1,6 @@
+// Copyright 2026 MAGAT maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // The map: three stacked canvases, each redrawn only if it has changed; zoom, and clicks on robots.
 
 import { drawGround, drawNow, drawPast } from "./layers.js";

@@ -1,3 +1,6 @@
+// Copyright 2026 MAGAT maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // The column beside the map: the team, the chosen robot, and the health of the processes.
 
 import { colours, colourOf } from "./colours.js";

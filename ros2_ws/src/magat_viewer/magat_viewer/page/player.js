@@ -1,3 +1,6 @@
+// Copyright 2026 MAGAT maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // The instant that is shown: a place between two frames of an episode, and how it advances.
 
 export const SPEEDS = [1, 2, 4, 8, 16, 32, 64];

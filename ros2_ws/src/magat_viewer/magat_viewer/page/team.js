@@ -1,3 +1,6 @@
+// Copyright 2026 MAGAT maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // Messages of the server as objects. The layout of frames is documented in magat_viewer/watched_episode.py.
 
 const HEAD = 32;

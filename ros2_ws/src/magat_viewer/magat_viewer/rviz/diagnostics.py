@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """RobotStatus and World messages as diagnostics."""
 
 # mypy: disable-error-code="import-untyped,import-not-found"

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A World message as an occupancy grid, markers and transforms."""
 
 # mypy: disable-error-code="import-untyped,import-not-found"

@@ -1,3 +1,6 @@
+# Copyright 2026 MAGAT maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The RViz bridge: a node that shows a team in ROS's standard messages: map, markers, tf and diagnostics."""
 
 import sys

@@ -170,7 +170,9 @@ def test_so_do_crews_whose_messages_travel_several_hops_and_one_that_dies_takes_
     save(random_network("MAGAT-F-16-P2", taps=3, layers=2), policy, "")
     size = {"width": 14, "height": 14}
     walks = batched(policy, "float16", robots=6, **size)
-    with start_team(6, policy=policy, radio="relayed", crew=2, encoding="float16", backend="torch", respawn=False) as team:
+    with start_team(
+        6, policy=policy, radio="relayed", crew=2, encoding="float16", backend="torch", respawn=False
+    ) as team:
         for index in range(2):
             outcome = team.run_undisturbed(team.goal(CASES[index], **size))
             # Four rounds: x, x and the aggregates of two heads; then the same for layer two, whose x has two heads.

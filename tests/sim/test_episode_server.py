@@ -3,6 +3,7 @@
 
 """The states of an episode and the events that lead from one to the next; without ROS, with a clock that is set."""
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -16,12 +17,14 @@ from magat_sim.episode_states import AwaitingExpert, EpisodeEnd, EpisodeRequest,
 from magat_sim.grid import Primitive
 from magat_sim.measures import Flowtime
 from magat_sim.simulator import DEFAULT_RULES
+from magat_sim.streams import episode_streams
 from magat_sim.team import FRESH, SILENT_TICKS, Equipment, Team
 from magat_sim.ticks import ReceivedPreference
 
 LIMITS = EpisodeLimits(ready_timeout=60.0, expert_time_limit=10.0, relay_deadline=0.1)
 NAMES = ["a", "b", "c"]
 EPISODE = 7
+SECRET = bytes(range(32))
 PLAN = ExpertPlan(makespan=4, flowtime=Flowtime(9, 10))
 
 
@@ -58,11 +61,18 @@ class FakeGoal:
         self.ended.append(("cancelled", end))
 
 
+def by_robot(messages: list[tuple[int, object]]) -> list:
+    """The message to each robot; None to those that got none."""
+    assert len(dict(messages)) == len(messages)
+    return [dict(messages).get(robot) for robot in range(len(NAMES))]
+
+
 class FakeSurroundings:
     def __init__(self):
         self.expert, self.deployment = True, False
         self.asked, self.abandoned = [], []
         self.observations, self.bundles, self.worlds = [], [], []
+        self.orders: list[list[int]] = []
 
     def expert_ready(self):
         return self.expert
@@ -77,11 +87,13 @@ class FakeSurroundings:
     def abandon(self, search):
         self.abandoned.append(search)
 
-    def send_observations(self, *sent):
-        self.observations.append(sent)
+    def send_observations(self, episode, tick, observations):
+        self.orders.append([robot for robot, _ in observations])
+        self.observations.append((episode, tick, by_robot(observations)))
 
-    def send_bundles(self, *sent):
-        self.bundles.append(sent)
+    def send_bundles(self, episode, tick, number, bundles):
+        self.orders.append([robot for robot, _ in bundles])
+        self.bundles.append((episode, tick, number, by_robot(bundles)))
 
     def publish_world(self, state, outcome, seconds):
         self.worlds.append((state.episode.simulator.tick, outcome is None, seconds))
@@ -125,7 +137,7 @@ class Bench:
             self.team.by_name[name].reported(self.now, 2, self.equipment)
 
     def begin(self, t_max: int = 0, case: Case | None = None, expert_w: float = 1.1) -> None:
-        self.server.begin(self.goal, EpisodeRequest(EPISODE, case or corridor(), 1, 0, t_max, expert_w))
+        self.server.begin(self.goal, EpisodeRequest(EPISODE, case or corridor(), 1, 0, t_max, expert_w, SECRET))
 
     def begin_ticking(self, t_max: int = 50) -> None:
         self.robots_ready()
@@ -446,3 +458,26 @@ def test_a_round_ends_without_messages_that_are_late():
     assert not bench.relay_deadline.running
     bench.server.take_feature(PackedFeature(EPISODE, 0, 0, bench.sent[1].own_tag, 0, b"x"))
     assert "dropped a message of round 0, while round 1 is under way" in bench.log.lines[-1]
+
+
+@pytest.mark.parametrize("radio", ["direct", "relayed"])
+def test_what_is_sent_in_a_tick_goes_out_in_random_order(radio: str) -> None:
+    """In a fixed order the arrival of features would tell the robots' numbers."""
+    bench = Bench(radio)
+    bench.begin_ticking(t_max=400)
+    for _ in range(300):
+        if radio == "relayed":
+            bench.server.end_round()
+        bench.prefer(Primitive.IDLE, 0, 1, 2)
+    orders = bench.outside.orders
+    assert {tuple(order) for order in orders} == set(itertools.permutations(range(3)))
+    # A third of the time each, with a standard deviation of at most 0.027.
+    for place, robot in itertools.product(range(3), repeat=2):
+        assert 0.17 < sum(order[place] == robot for order in orders) / len(orders) < 0.5
+
+
+def test_the_streams_of_a_team_follow_from_the_secret_of_the_goal(bench: Bench) -> None:
+    bench.begin_ticking()
+    streams = [sent.stream for sent in bench.sent]
+    assert streams == episode_streams(1, 0, 3, SECRET).robots.tolist()
+    assert streams != episode_streams(1, 0, 3).robots.tolist()

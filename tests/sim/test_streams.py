@@ -8,7 +8,7 @@ import hashlib
 import numpy as np
 import pytest
 
-from magat_sim.streams import EpisodeStreams, episode_streams
+from magat_sim.streams import EpisodeStreams, InvalidSecretError, episode_streams
 
 SECRET = bytes(range(32))
 
@@ -61,7 +61,7 @@ def test_another_bit_of_the_secret_gives_other_streams() -> None:
 
 @pytest.mark.parametrize("length", [0, 31, 33])
 def test_a_secret_of_another_length_is_refused(length: int) -> None:
-    with pytest.raises(ValueError, match=f"a secret of {length} bytes: give 32"):
+    with pytest.raises(InvalidSecretError, match=f"the secret has {length} bytes: give 32, or none"):
         episode_streams(1, 0, 2, bytes(length))
 
 

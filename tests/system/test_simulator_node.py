@@ -56,7 +56,9 @@ def simulator():
         node._server.relay_deadline = Recorder()
         for member in node._team.members[:3]:
             member.join()
-        request = EpisodeRequest(EPISODE, draw_case(1, 0, 5, 5, 4), seed=1, number=0, t_max=9, expert_w=1.1)
+        request = EpisodeRequest(
+            EPISODE, draw_case(1, 0, 5, 5, 4), seed=1, number=0, t_max=9, expert_w=1.1, secret=bytes(32)
+        )
         node._server._start(Gathering(None, request, begun=0.0), None, "")
         tags = [sender.sent[-1].own_tag if sender.sent else None for sender in node._send]
         assert tags[3] is None

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from magat_node.unpredictable import shuffled
 from magat_robot.exchange import MOST_MESSAGES, Exchange
 from magat_robot.policy import payload
 from magat_robot.policy.config import OBSERVATION_SHAPE
@@ -190,7 +191,10 @@ class Crew:
         else:
             self._awaited = set(self._audible - self.exchange.kept(self._round).keys())
         ready = not self._awaited
-        for (robot, observation), values in zip(self._observations.items(), self._latent.messages, strict=True):
+        # In a fixed order, the place of a message would tell which of these robots has sent it.
+        for (robot, observation), values in shuffled(
+            zip(self._observations.items(), self._latent.messages, strict=True)
+        ):
             data = payload.encode(values, self._policy.config.encoding)
             self._send(robot, Message(observation.episode, observation.tick, self._round, observation.own_tag, data))
         if ready:

@@ -8,9 +8,10 @@ It is a state machine; the states are in `magat_sim.episode_states`.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from magat_node.cdr import PackedFeature
+from magat_node.unpredictable import shuffled
 from magat_sim.case import Case
 from magat_sim.constants import T_MAX_FACTOR
 from magat_sim.episode_states import (
@@ -36,6 +37,8 @@ from magat_sim.ticks import DistributedEpisode, Outcome, ReceivedPreference, Rob
 EXPERT_GRACE = 2.0
 #: Warnings of one kind are logged at most once in this time, seconds.
 _THROTTLE = 5.0
+
+T = TypeVar("T")
 
 
 class Deadline(Protocol):
@@ -78,11 +81,11 @@ class Surroundings(Protocol):
     def abandon(self, search: object) -> None:
         """Wait no longer for the answer of a search."""
 
-    def send_observations(self, episode: int, tick: int, observations: Sequence[RobotObservation | None]) -> None:
-        """Send ``[N]`` observations; None for a robot that does not take part."""
+    def send_observations(self, episode: int, tick: int, observations: Sequence[tuple[int, RobotObservation]]) -> None:
+        """Send observations to robots, by their indices, in this order."""
 
-    def send_bundles(self, episode: int, tick: int, number: int, bundles: Sequence[Bundle | None]) -> None:
-        """Send the ``[N]`` bundles of round ``number``; None for a robot that does not take part."""
+    def send_bundles(self, episode: int, tick: int, number: int, bundles: Sequence[tuple[int, Bundle]]) -> None:
+        """Send the bundles of round ``number`` to robots, by their indices, in this order."""
 
     def publish_world(self, state: Ticking, outcome: Outcome | None, seconds: float) -> None:
         """Publish the world after a tick that took ``seconds``; without an outcome at the start."""
@@ -222,7 +225,7 @@ class EpisodeServer:
             self._end(goal.abort, EpisodeEnd(request.episode, error))
             return
         t_max = request.t_max or (T_MAX_FACTOR * plan.makespan if plan is not None else 0)
-        streams = episode_streams(request.seed, request.number, request.case.robots)
+        streams = episode_streams(request.seed, request.number, request.case.robots, request.secret)
         episode = DistributedEpisode(request.case, t_max, streams, self.rules)
         # A tick takes no longer with many rounds than with one.
         rounds = self.team.equipment.rounds if self.team.equipment is not None else 1
@@ -256,9 +259,7 @@ class EpisodeServer:
         joined = [member.joined for member in self.team.members]
         observations = state.episode.look(joined)
         self.surroundings.send_observations(
-            state.request.episode,
-            state.episode.simulator.tick,
-            [sent if there else None for sent, there in zip(observations, joined, strict=True)],
+            state.request.episode, state.episode.simulator.tick, self._in_random_order(observations)
         )
         self.tick_deadline.reset()
 
@@ -282,9 +283,18 @@ class EpisodeServer:
         if not isinstance(state, Ticking):
             return
         number, bundles = state.episode.relay.round, state.episode.relayed()
-        present = [bundle if member.joined else None for bundle, member in zip(bundles, self.team.members, strict=True)]
-        self.surroundings.send_bundles(state.request.episode, state.episode.simulator.tick, number, present)
+        self.surroundings.send_bundles(
+            state.request.episode, state.episode.simulator.tick, number, self._in_random_order(bundles)
+        )
         self.relay_deadline.cancel()  # until the first message of the next round
+
+    def _in_random_order(self, messages: Sequence[T]) -> list[tuple[int, T]]:
+        """Those of ``[N]`` messages whose robots take part, with the robots' indices.
+
+        Robots answer in about the order in which they are sent something, so a fixed order would show in the arrival of
+        their features.
+        """
+        return shuffled((i, messages[i]) for i, member in enumerate(self.team.members) if member.joined)
 
     def take_preference(self, episode: int, tick: int, tag: int, preference: ReceivedPreference) -> None:
         """Take a robot's preference; one of another tick is late and ignored: it was counted as silence."""

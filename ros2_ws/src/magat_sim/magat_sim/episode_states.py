@@ -63,13 +63,15 @@ class EpisodeRequest(NamedTuple):
     #: Random number of the episode, not 0.
     episode: int
     case: Case
-    #: Seed and number of the episode's random streams.
+    #: Seed and number of the case; with the secret, of the episode's random streams.
     seed: int
     number: int
     #: Steps at most; 0 takes `T_MAX_FACTOR` times the expert's makespan.
     t_max: int
     #: The expert's suboptimality bound.
     expert_w: float
+    #: `SECRET_BYTES` bytes that no robot learns.
+    secret: bytes
 
 
 class ExpertPlan(NamedTuple):

@@ -26,6 +26,7 @@ with quiet_imports():
     from magat_node.names import check_robot_name
     from magat_node.parameters import SettableParameters, declare_choice, declare_seconds, declare_share, declare_value
     from magat_node.run import run_node
+    from magat_node.unpredictable import shuffled
     from magat_sim.case import Case, InvalidCaseError, draw_case, make_case
     from magat_sim.constants import EXPERT_W
     from magat_sim.deployment_server import DeploymentServer
@@ -35,6 +36,7 @@ with quiet_imports():
     from magat_sim.relay import Bundle
     from magat_sim.shield import SHIELDS
     from magat_sim.simulator import Rules
+    from magat_sim.streams import SECRET_BYTES, InvalidSecretError, check_secret
     from magat_sim.team import Equipment, Team
     from magat_sim.ticks import Outcome, ReceivedPreference, RobotObservation
 
@@ -142,7 +144,7 @@ class SimulatorNode(Node):
 
     def _on_beat(self) -> None:
         """Say hello to the missing robots; go on with a deployment, or with an episode that waits."""
-        for member, publisher in zip(self._team.members, self._send, strict=True):
+        for member, publisher in shuffled(zip(self._team.members, self._send, strict=True)):
             if not member.joined:
                 publisher.publish(Observation(tick=Observation.HELLO, own_tag=member.nonce))
         self._deployments.beat(self._server.between_episodes)
@@ -175,11 +177,12 @@ class SimulatorNode(Node):
         message, goal, episode = running.request, _EpisodeGoal(running, self._team), secrets.randbits(63) + 1
         try:
             case = _requested_case(message, len(self._team.members))
-        except InvalidCaseError as error:
+            secret = check_secret(bytes(message.secret) or secrets.token_bytes(SECRET_BYTES))
+        except (InvalidCaseError, InvalidSecretError) as error:
             self._server.refuse(goal, episode, str(error))
             return
         w = message.expert_w or EXPERT_W
-        self._server.begin(goal, EpisodeRequest(episode, case, message.seed, message.number, message.t_max, w))
+        self._server.begin(goal, EpisodeRequest(episode, case, message.seed, message.number, message.t_max, w, secret))
 
     # --- To ROS: the Surroundings of the episode server ---
 
@@ -211,21 +214,20 @@ class SimulatorNode(Node):
         """Forget a SolveMapf request."""
         self._solve.remove_pending_request(search)
 
-    def send_observations(self, episode: int, tick: int, observations: Sequence[RobotObservation | None]) -> None:
-        """Send an Observation to each robot that takes part."""
-        for publisher, observation in zip(self._send, observations, strict=True):
-            if observation is not None:
-                message = Observation(episode=episode, tick=tick)
-                message.stream, message.own_tag = observation.stream, observation.own_tag
-                message.audible_tags = array.array("Q", observation.audible_tags)
-                message.field_of_view = array.array("B", observation.field_of_view.tobytes())
-                publisher.publish(message)
+    def send_observations(self, episode: int, tick: int, observations: Sequence[tuple[int, RobotObservation]]) -> None:
+        """Send an Observation to each of these robots."""
+        for robot, observation in observations:
+            message = Observation(episode=episode, tick=tick)
+            message.stream, message.own_tag = observation.stream, observation.own_tag
+            message.audible_tags = array.array("Q", observation.audible_tags)
+            message.field_of_view = array.array("B", observation.field_of_view.tobytes())
+            self._send[robot].publish(message)
 
-    def send_bundles(self, episode: int, tick: int, number: int, bundles: Sequence[Bundle | None]) -> None:
-        """Send a FeatureBundle to each robot that takes part."""
-        for publisher, bundle in zip(self._relay_to, bundles, strict=True):
-            if bundle is not None:
-                publisher.publish(cdr.pack_bundle(episode, tick, number, bundle.encoding, bundle.payloads))
+    def send_bundles(self, episode: int, tick: int, number: int, bundles: Sequence[tuple[int, Bundle]]) -> None:
+        """Send a FeatureBundle to each of these robots."""
+        for robot, bundle in bundles:
+            data = cdr.pack_bundle(episode, tick, number, bundle.encoding, bundle.payloads)
+            self._relay_to[robot].publish(data)
 
     def publish_world(self, state: Ticking, outcome: Outcome | None, seconds: float) -> None:
         """Publish the World after a tick, or at the start."""
@@ -305,6 +307,7 @@ def _result(end: EpisodeEnd) -> RunEpisode.Result:
     if end.last is None:
         return result
     episode, expert = end.last.episode, end.last.expert
+    result.secret = end.last.request.secret
     measures = episode.simulator.measures([expert])[0]
     for name in ("success", "success_strict", "delta_ft", "delta_ft_strict", "p_rg", "makespan", "t_max", "ticks"):
         setattr(result, name, getattr(measures, name))

@@ -18,8 +18,25 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from magat_node.errors import MagatError
+
 #: Length of an episode's secret.
 SECRET_BYTES = 32
+
+
+class InvalidSecretError(MagatError):
+    """The secret of an episode has the wrong length."""
+
+
+def check_secret(secret: bytes) -> bytes:
+    """The secret itself.
+
+    Raises:
+        InvalidSecretError: it has not `SECRET_BYTES` bytes.
+    """
+    if len(secret) != SECRET_BYTES:
+        raise InvalidSecretError(f"the secret has {len(secret)} bytes: give {SECRET_BYTES}, or none, to have one drawn")
+    return secret
 
 
 @dataclass(frozen=True)
@@ -43,7 +60,7 @@ def episode_streams(seed: int, number: int, robots: int, secret: bytes | None = 
             in the batched simulator.
 
     Raises:
-        ValueError: a secret of another length.
+        InvalidSecretError: a secret of another length.
     """
     if secret is None:
         # The spawn key separates these streams from the one that draws the case of the same seed and number. The second
@@ -51,8 +68,7 @@ def episode_streams(seed: int, number: int, robots: int, secret: bytes | None = 
         sequence = np.random.SeedSequence([seed, number], spawn_key=(1,))
         state = sequence.generate_state(robots + 2, np.uint64).astype(np.uint64)
         return EpisodeStreams(np.random.Generator(np.random.PCG64(int(state[0]))), state[2:])
-    if len(secret) != SECRET_BYTES:
-        raise ValueError(f"a secret of {len(secret)} bytes: give {SECRET_BYTES}")
+    check_secret(secret)
 
     def derived(purpose: str, size: int) -> bytes:
         message = f"{purpose} of {seed}/{number}".encode()

@@ -7,6 +7,7 @@ import os
 import socket
 import subprocess
 import sys
+import tempfile
 from unittest import mock
 
 import pytest
@@ -22,6 +23,7 @@ from magat_bringup.environment import (
     address_of,
     loopback,
     network_for,
+    occupied,
     own_domain,
 )
 from magat_cli.main import main
@@ -89,6 +91,51 @@ def test_a_domain_is_one_runs_alone():
             pass
     with own_domain(domain) as again:
         assert again == domain
+
+
+def test_teams_of_different_namespaces_can_share_a_domain():
+    with own_domain() as domain:
+        pass
+    taken = f"domain {domain} is in use .* under the namespace /red"
+    with (
+        own_domain(domain, "/red"),
+        own_domain(domain, "/blue"),
+        own_domain(domain),
+        pytest.raises(NoDomainError, match=taken),
+        own_domain(domain, "/red"),
+    ):
+        pass
+
+
+def test_a_claim_leaves_no_file_that_would_lock_out_another_user(monkeypatch, tmp_path):
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    with own_domain():
+        assert list(tmp_path.iterdir()) == []
+
+
+def test_a_claim_ends_with_its_process_however_that_ends():
+    program = "from magat_bringup.environment import own_domain\nwith own_domain() as d: print(d, flush=True); input()"
+    with subprocess.Popen([sys.executable, "-c", program], stdin=-1, stdout=-1, text=True) as run:
+        domain = int(run.stdout.readline())
+        with pytest.raises(NoDomainError), own_domain(domain):
+            pass
+        run.kill()
+        run.wait()
+    with own_domain(domain):
+        pass
+
+
+def test_domains_in_which_somebody_has_a_node_are_left_alone():
+    with own_domain() as domain, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as node:
+        assert not occupied(domain)
+        node.bind((LOOPBACK, 7400 + 250 * domain + 14))  # of a third process; the first two have ended
+        assert occupied(domain)
+    used = {7400 + 250 * other + 10 for other in DOMAINS if other != domain}
+    with mock.patch("magat_bringup.environment._bound_ports", return_value=used), own_domain() as free:
+        assert free == domain
+        with pytest.raises(NoDomainError, match="are all in use"), own_domain():
+            pass
 
 
 def test_a_shell_takes_the_environment_as_it_is_printed():

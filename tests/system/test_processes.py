@@ -20,7 +20,7 @@ from magat_bringup.environment import own_domain
 from magat_evaluation.splits import SPLITS
 from magat_expert import check_paths
 from magat_node.errors import TeamError
-from magat_robot.forked import _carrying
+from magat_robot.forked import _carrying, _namespace
 from magat_robot.forked import main as robots
 from magat_robot.node import RobotNode
 
@@ -145,21 +145,32 @@ def test_a_robot_started_alone_walks_the_same_path(start_team, policy_folder):
         np.testing.assert_array_equal(positions, forked)
 
 
-def test_robots_of_one_team_can_share_a_process_and_others_cannot():
-    assert _carrying(["alice"]) == ["-r", "__ns:=/alice"]
-    assert _carrying(["/warehouse/alice/"]) == ["-r", "__ns:=/warehouse/alice"]
+@pytest.mark.parametrize(
+    ("arguments", "team"),
+    [
+        ([], ""),
+        (["-r", "__ns:=/hall/red"], "/hall/red"),
+        (["-p", "team_size:=2", "--remap", "__ns:=/red/"], "/red"),
+        (["-r", "robot:__ns:=red", "--ros-args", "-r", "__ns:=/blue"], "/red"),
+        (["-r", "simulator:__ns:=/red", "-r", "__node:=x"], ""),
+    ],
+)
+def test_robots_and_crews_are_in_the_namespace_that_their_launcher_is_given(arguments, team):
+    assert _namespace(arguments) == team
+    assert _carrying(["alice"], team) == ["-r", f"__ns:={team}/alice"]
     # Shared topics lie in the team's namespace, whichever way its robots are carried.
-    assert _carrying(["alice", "bob"]) == ["-r", "__ns:=/alice", "-p", "robots:=[alice,bob]"]
-    crew = ["-r", "__ns:=/hall/left/alice", "-p", "robots:=[alice,bob]"]
-    assert _carrying(["hall/left/alice", "/hall/left/bob"]) == crew
-    with pytest.raises(ValueError, match="of different teams"):
-        _carrying(["left/alice", "right/bob"])
+    assert _carrying(["alice", "bob"], team) == ["-r", f"__ns:={team}/alice", "-p", "robots:=[alice,bob]"]
 
 
 @pytest.mark.parametrize(
     ("arguments", "said"),
-    [(["--crew", "0", "a"], "at least 1"), (["--crew", "2", "left/a", "right/b"], "of different teams")],
-    ids=["nobody", "two teams"],
+    [
+        (["--crew", "0", "a"], "at least 1"),
+        (["--crew", "2", "left/a", "right/b"], "the robot name 'left/a' is invalid: give a name without slashes"),
+        (["a__b"], "the robot name 'a__b' is invalid"),
+        (["a", "--ros-args", "-r", "__ns:=/red team"], "the namespace '/red team' is invalid"),
+    ],
+    ids=["nobody", "slashes", "no name", "no namespace"],
 )
 def test_crews_that_cannot_be_are_refused_before_any_process_starts(arguments, said, capsys):
     with pytest.raises(SystemExit) as ended:

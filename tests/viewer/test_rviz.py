@@ -8,6 +8,7 @@ import json
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -319,6 +320,39 @@ def test_the_node_shows_an_episode_and_clears_the_one_before(viewed):
     viewed.spin(lambda: late_map and late)
     assert (late_map[0].header.frame_id, late_map[0].info.resolution, late_map[0].data[0]) == ("map", 0.5, 100)
     assert len(late[0].markers) == 4
+
+
+def test_the_frames_of_a_team_bear_its_namespace_and_are_repeated_while_nothing_moves(monkeypatch):
+    """tf2 forgets transforms after 10 s, and who comes late has none."""
+    sent: list[SimpleNamespace] = []
+    message = SimpleNamespace  # there is no wheel of tf2_msgs
+    tf = SimpleNamespace(available=True, message=message, publisher=lambda node: SimpleNamespace(publish=sent.append))
+    monkeypatch.setattr("magat_viewer.rviz.node.topics.TF", tf)
+    with own_domain() as domain:
+        context = Context()
+        rclpy.init(args=[], context=context, domain_id=domain)
+        try:
+            for namespace, given, prefix in (("/hall/red", None, "hall/red/"), ("/", None, ""), ("/red", "r_", "r_")):
+                overrides = [Parameter("frame_prefix", value=given)] if given else []
+                bridge = RvizBridge(context=context, namespace=namespace, parameter_overrides=overrides)
+                assert bridge.get_parameter("frame_prefix").value == prefix
+                bridge._on_second()
+                assert not sent, "there is no world yet"
+                bridge._on_world(world(tick=0, obstacles=array.array("B", bytes(36))))
+                bridge._on_draw()
+                bridge._on_second()
+                assert len(sent) == 1, "something has moved in the last second"
+                bridge._on_second()
+                bridge._on_second()
+                assert len(sent) == 3
+                frames = [(said.header.frame_id, said.child_frame_id) for said in sent[-1].transforms]
+                assert frames[0] == (f"{prefix}map", f"{prefix}robot_0/base_link")
+                first, last = (said.transforms[0].header.stamp for said in (sent[0], sent[-1]))
+                assert (last.sec, last.nanosec) > (first.sec, first.nanosec)
+                bridge.destroy_node()
+                sent.clear()
+        finally:
+            context.try_shutdown()
 
 
 def test_the_node_reports_every_second(viewed):

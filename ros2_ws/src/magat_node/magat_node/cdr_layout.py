@@ -38,41 +38,53 @@ def is_complete(data: bytes, kind: type) -> bool:
     """Whether ``data`` has a header, and every string and sequence of the message ``kind`` ends within it."""
     if len(data) < _HEADER or data[0] != 0 or data[1] > 1:  # of plain CDR, big-endian or little-endian
         return False
-    return _end(memoryview(data)[_HEADER:], 0, _layout(kind), _LENGTHS[data[1]]) >= 0
+    at, fields = _split(kind)
+    return at <= len(data) - _HEADER and (not fields or _end(data, at, fields, _LENGTHS[data[1]]) >= 0)
 
 
-def _end(data: memoryview, at: int, fields: tuple[_Field, ...], length: struct.Struct) -> int:
-    """Where ``fields`` end that begin at ``at``; -1 if that is beyond the data."""
-    for size, parts, count in fields:
-        if count is None:
+@cache
+def _split(kind: type) -> tuple[int, tuple[_Field, ...]]:
+    """Where the first fields of a message end, whose places are the same in every message, and the others."""
+    at, fields = 0, _layout(kind)
+    for number, (size, _, values) in enumerate(fields):
+        if not size or values is None:
+            return at, fields[number:]
+        at = (at + size - 1) // size * size + size * values
+    return at, ()
+
+
+def _end(data: bytes, at: int, fields: tuple[_Field, ...], length: struct.Struct) -> int:
+    """Where ``fields`` end that begin at ``at``; -1 if that is beyond the data. Places do not count the header."""
+    size_of_data = len(data) - _HEADER
+    for size, parts, values in fields:
+        if values is None:
             at = (at + 3) & ~3
-            if at + 4 > len(data):
+            if at + 4 > size_of_data:
                 return -1
-            (count,) = length.unpack_from(data, at)
+            (values,) = length.unpack_from(data, at + _HEADER)
             at += 4
-            if count > len(data) - at:  # a value has at least one byte
+            if values > size_of_data - at:  # a value has at least one byte
                 return -1
         if size:
-            if count:
-                at = (at + size - 1) & -size
-                at += size * count
+            if values:
+                at = ((at + size - 1) & -size) + size * values
         else:
-            for _ in range(count):
+            for _ in range(values):
                 at = _string_end(data, at, length) if parts is None else _end(data, at, parts, length)
                 if at < 0:
                     return -1
-        if at > len(data):
+        if at > size_of_data:
             return -1
     return at
 
 
-def _string_end(data: memoryview, at: int, length: struct.Struct) -> int:
+def _string_end(data: bytes, at: int, length: struct.Struct) -> int:
     at = (at + 3) & ~3
-    if at + 4 > len(data):
+    if at + 4 > len(data) - _HEADER:
         return -1
-    (count,) = length.unpack_from(data, at)
-    at += 4 + count
-    return at if at <= len(data) else -1
+    (characters,) = length.unpack_from(data, at + _HEADER)
+    at += 4 + characters
+    return at if at <= len(data) - _HEADER else -1
 
 
 @cache

@@ -181,6 +181,7 @@ def test_magat_run_and_the_launch_file_start_the_same(team_file, params, tmp_pat
     crews = ["--crew", str(crew), "--respawn", "alice", "bob", "carol"]
     assert robots[robots.index("--crew") :][: len(crews)] == crews
     assert robots[robots.index("--policy") + 1] == str(find_policy(POLICY))
+    assert robots[robots.index("--shield") + 1] == plan.shield, "policies have a temperature for each shield"
 
 
 @pytest.mark.parametrize(("robots", "server"), [(3, False), (60, True)])

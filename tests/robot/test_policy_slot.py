@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from magat_robot.policy.config import ModelError
-from magat_robot.policy.folder import read_files, read_folder, write_files
+from magat_robot.policy.folder import read_files, read_folder, write_files, write_temperatures
 from magat_robot.policy.store import CONFIG, WEIGHTS, load, save
 from magat_robot.policy_slot import PolicySlot
 
@@ -49,6 +49,15 @@ def test_a_policy_is_prepared_then_carried_then_rolled_back(slot, folders):
     assert slot.roll_back(7)
     assert (slot.deployment, slot.prepared) == (0, 0)
     assert slot.policy is first
+
+
+def test_a_deployed_policy_gets_its_temperature_for_the_shield(folders):
+    write_temperatures(folders["second"], {"pibt": 0.25}, "idle")
+    for shield, temperature in (("", 1.0), ("idle", 1.0), ("pibt", 0.25)):
+        slot = PolicySlot(load(folders["first"]), "torch", shield=shield)
+        slot.prepare(7, *offer(folders["second"]))
+        assert slot.switch(7)
+        assert slot.policy.config.temperature == temperature
 
 
 def test_what_is_done_is_not_done_again(slot, folders):

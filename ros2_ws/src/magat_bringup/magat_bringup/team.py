@@ -184,7 +184,7 @@ class TeamPlan:
         shared = ("--params-file", str(self.params.resolve())) if self.params is not None else ()
         sized = ("-p", f"team_size:={len(self.team.robots)}")
         heard = ("-p", f"radio:={self.radio}")
-        carried = ("--policy", str(self.policy), "--backend", self.backend)
+        carried = ("--policy", str(self.policy), "--backend", self.backend, "--shield", self.shield)
         encoded = ("--encoding", self.encoding) if self.encoding else ()
         carried_by = ("--crew", str(self.team.crew), *(("--respawn",) if self.respawn else ()), *self.team.robots)
         roster = ("-p", f"robots:=[{','.join(self.team.robots)}]")

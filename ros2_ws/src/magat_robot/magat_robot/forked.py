@@ -28,6 +28,7 @@ with quiet_imports():
     from magat_robot import node
     from magat_robot.policy.backends import preload
     from magat_robot.policy.config import BACKENDS, ENCODINGS, ModelError
+    from magat_robot.policy.folder import read_temperature
 
 #: Exit status of a process that a signal ended, as shells give it.
 _SIGNALLED = 128
@@ -125,6 +126,7 @@ def main(args: list[str] | None = None) -> int:
     parser.add_argument("names", nargs="+", metavar="NAME", help="of a robot, its namespace in the team's")
     parser.add_argument("--policy", required=True, metavar="FOLDER", help="folder of the robots' policy")
     parser.add_argument("--encoding", choices=ENCODINGS, default="", help="of messages (default: the policy's)")
+    parser.add_argument("--shield", default="", help="the simulator's, which selects the temperature (default: none)")
     parser.add_argument("--backend", choices=BACKENDS, default="onnx", help="computes the policy (default: onnx)")
     parser.add_argument("--respawn", action="store_true", help="restart processes that are killed by a signal")
     parser.add_argument("--crew", type=int, default=1, metavar="M", help="robots in each process (default: 1)")
@@ -139,10 +141,12 @@ def main(args: list[str] | None = None) -> int:
         parser.error(str(error))
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # ends at once during imports: there is nothing to clean up yet
     changes = {"encoding": options.encoding} if options.encoding else {}
-    # Errors are left to the robots, because ROS parameters may give them another policy.
+    # Before the fork, so that memory is shared. Errors are left to the robots: parameters may give them another policy.
     with contextlib.suppress(ModelError):
-        preload(Path(options.policy), options.backend, **changes)  # before the fork, so that its memory is shared
+        temperature = read_temperature(Path(options.policy), options.shield)
+        preload(Path(options.policy), options.backend, temperature=temperature, **changes)
     values = {"policy": options.policy, "backend": options.backend, **changes}
+    values |= {"shield": options.shield} if options.shield else {}
     parameters = [part for name, value in values.items() for part in ("-p", f"{name}:={value}")]
     return run_robots(options.names, [*parameters, *args[split + 1 :]], options.crew, options.respawn)
 

@@ -29,6 +29,7 @@ with quiet_imports():
     from magat_robot.crew import Answer, Crew, Message, ReceivedObservation
     from magat_robot.policy.backends import load_policy
     from magat_robot.policy.config import BACKENDS, ENCODINGS, MAX_SIZE, ModelError
+    from magat_robot.policy.folder import read_temperature
     from magat_robot.policy.payload import encoded_bytes, round_bytes
     from magat_robot.policy_slot import PolicySlot
 
@@ -74,6 +75,7 @@ class RobotNode(LifecycleNode):
             self, "encoding", "", ["", *ENCODINGS], "encoding of messages; the policy's own if empty", fixed=False
         )
         self._changes = {"encoding": encoding} if encoding else {}
+        self._shield = declare_value(self, "shield", "", "the simulator's: policies have a temperature for each shield")
         self._backend = declare_choice(self, "backend", "onnx", list(BACKENDS), "library that computes the policy")
         self._radio = declare_choice(self, "radio", "direct", ["direct", "relayed"], "same as the simulator's")
         declare_seconds(
@@ -122,8 +124,10 @@ class RobotNode(LifecycleNode):
         try:
             if not self._folder:
                 raise ModelError("no policy given: start the robot with -p policy:=FOLDER")
-            policy = load_policy(Path(self._folder), self._backend, **self._changes)
-            self._slot = PolicySlot(policy, self._backend, self._max_payload)
+            folder = Path(self._folder)
+            temperature = read_temperature(folder, self._shield)
+            policy = load_policy(folder, self._backend, temperature=temperature, **self._changes)
+            self._slot = PolicySlot(policy, self._backend, self._max_payload, self._shield)
             self._settable.show("encoding", policy.config.encoding)
             self._settable.show("max_payload", self._slot.max_payload)
         except ModelError as error:

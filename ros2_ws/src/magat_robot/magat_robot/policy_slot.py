@@ -10,7 +10,7 @@ from pathlib import Path
 from magat_node.text import shortened
 from magat_robot.policy.backends import load_policy
 from magat_robot.policy.config import ModelError, PolicyConfig
-from magat_robot.policy.folder import write_files
+from magat_robot.policy.folder import read_temperature, write_files
 from magat_robot.policy.interface import RobotPolicy
 from magat_robot.policy.payload import longest_payload
 
@@ -25,13 +25,14 @@ class PolicySlot:
     effect.
     """
 
-    def __init__(self, policy: RobotPolicy, backend: str, max_payload: int = 0) -> None:
+    def __init__(self, policy: RobotPolicy, backend: str, max_payload: int = 0, shield: str = "") -> None:
         """Hold ``policy``.
 
         Args:
             policy: the policy that the process starts with. Its encoding is kept for all deployed policies.
             backend: one of `magat_robot.policy.config.BACKENDS`; also for deployed policies.
             max_payload: the longest payload in bytes that a policy may send; 0: as long as that of ``policy``.
+            shield: the simulator's; deployed policies get their temperatures for it, see `read_temperature`.
 
         Raises:
             ModelError: the payloads of ``policy`` are longer than ``max_payload``.
@@ -43,7 +44,7 @@ class PolicySlot:
         self.deployment = 0
         #: Number of the last deployment that was prepared or refused, and the reason if it was refused.
         self.prepared, self.refusal = 0, ""
-        self._backend = backend
+        self._backend, self._shield = backend, shield
         self._before: tuple[int, RobotPolicy] | None = None
         self._next: RobotPolicy | None = None
         self._check(policy.config)
@@ -85,7 +86,9 @@ class PolicySlot:
         with tempfile.TemporaryDirectory(prefix="magat_policy_") as name:
             folder = Path(name)
             write_files(files, folder)
-            policy = load_policy(folder, self._backend, encoding=self.policy.config.encoding)
+            temperature = read_temperature(folder, self._shield)
+            kept = self.policy.config.encoding
+            policy = load_policy(folder, self._backend, temperature=temperature, encoding=kept)
         if policy.digest != digest:
             raise ModelError(f"the weights have the SHA-256 {policy.digest}, not {digest} as announced")
         self._check(policy.config)

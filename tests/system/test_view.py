@@ -15,6 +15,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 import rclpy
+from rclpy.node import NodeNameNonExistentError
 
 from magat_bringup.client import EpisodeOutcome
 from magat_evaluation.splits import SPLITS
@@ -45,8 +46,11 @@ def watched(request) -> Iterator[tuple]:
 
 
 def page_subscriptions(team) -> set[str]:
-    node = team.client.node
-    return {topic for topic, _ in node.get_subscriber_names_and_types_by_node("viewer", "/")}
+    try:
+        found = team.client.node.get_subscriber_names_and_types_by_node("viewer", "/")
+    except NodeNameNonExistentError:  # its messages may come before its name
+        return set()
+    return {topic for topic, _ in found}
 
 
 @pytest.mark.timeout(200)
@@ -68,8 +72,8 @@ def test_it_shows_the_world_and_the_detail_of_the_chosen_robot(watched):
             # If it joined late, it did not receive the first world of the episode either.
             if team.client.spin(lambda ticks=outcome.result.ticks: shown_tick(follower) == ticks, 5.0):
                 recordings[follower.last["scene"]["episode"]] = outcome.recording
-        heard = page_subscriptions(team)
-        assert heard >= {"/world", "/robot_status", "/robot_3/observation"}
+        needed = {"/world", "/robot_status", "/robot_3/observation"}
+        assert team.client.spin(lambda: page_subscriptions(team) >= needed, 20.0)
         others = {"/preference", "/feature", "/robot_3/heard"}
         if not missed:  # subscribing to robots' messages would cost them time
             assert team.client.spin(lambda: not page_subscriptions(team) & others, 5.0)

@@ -13,6 +13,7 @@ from std_msgs.msg import Empty
 from magat_bringup.processes import TeamProcesses
 from magat_interfaces.action import RunEpisode
 from magat_node.errors import TeamError
+from magat_node.text import shortened
 from magat_node.topics import RECORDER_READY, WORLD
 from magat_node.visitor import Visitor
 from magat_recording.world_log import WorldLog, WorldLogs
@@ -27,6 +28,8 @@ ACCEPTANCE = 5.0
 RECORDER_TIMEOUT = 120.0
 #: How long the last messages of an episode may trail behind its result, seconds.
 TRAILING = 5.0
+#: Most characters of the reason why an episode was not run.
+_LONGEST_ERROR = 1000
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,7 @@ class EpisodeError(TeamError):
 
     def __init__(self, result: RunEpisode.Result) -> None:
         """Take the result, whose ``error`` says why."""
-        super().__init__(f"the episode failed: {result.error}")
+        super().__init__(f"the episode failed: {shortened(result.error, _LONGEST_ERROR)}")
         self.result = result
         #: Whether the reason is its case, so that other episodes can be run.
         self.of_case = result.error.startswith(NO_MAKESPAN)

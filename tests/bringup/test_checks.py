@@ -4,6 +4,7 @@
 """What `magat run` refuses before it starts a process."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from unittest import mock
 
@@ -12,6 +13,7 @@ import pytest
 from magat_bringup.run_plan import RunPlan
 from magat_cli.main import main
 from magat_robot.policy.models import find_policy
+from team_secret import SECRET
 
 POLICY = "MAGAT-F-128"
 
@@ -97,3 +99,16 @@ def test_a_bound_that_the_expert_cannot_have_is_refused(capfd, bound):
 def test_the_episodes_are_asked_for_with_the_bound_of_the_plan(tmp_path):
     plan = RunPlan(episodes=1, width=9, height=9, density=0.1, seed=1, first=0, output=tmp_path, expert_w=5.0)
     assert plan.goal(0).expert_w == 5.0
+
+
+@pytest.mark.parametrize("secret", ["abcd", "xy" * 32, "0" * 66])
+def test_a_secret_of_another_form_is_refused(capfd, secret):
+    with pytest.raises(SystemExit):
+        main(["run", "--secret", secret])
+    assert f"{secret} is not a secret: give the 64 hexadecimal digits" in " ".join(capfd.readouterr().err.split())
+
+
+def test_the_episodes_are_asked_for_with_the_secret_of_the_plan():
+    plan = RunPlan(episodes=2, width=9, height=9, density=0.1, seed=1, first=0)
+    assert [bytes(plan.goal(index).secret) for index in range(2)] == [b"", b""]
+    assert bytes(replace(plan, secret=SECRET).goal(1).secret) == SECRET

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from team_secret import SECRET
 
 from magat_bringup.client import EpisodeClient, EpisodeOutcome
 from magat_bringup.environment import LOOPBACK, Network, own_domain
@@ -40,7 +41,7 @@ class RunningTeam:
         return any(name == process and words in line for name, line in self.said)
 
     def goal(self, number: int, seed: int = SET_SEED, **fields) -> RunEpisode.Goal:
-        size = {"width": 20, "height": 20, "density": 0.1, **fields}
+        size = {"width": 20, "height": 20, "density": 0.1, "secret": SECRET, **fields}
         return RunEpisode.Goal(seed=seed, number=number, **size)
 
     def run(self, goal: RunEpisode.Goal, on_feedback=lambda feedback: None) -> EpisodeOutcome:

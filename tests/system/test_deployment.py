@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from rclpy.action import ActionClient
 from rich.console import Console
+from team_secret import SECRET
 
 from magat_bringup.deploy import deploy
 from magat_evaluation.cases import solved_cases
@@ -47,7 +48,7 @@ def talkative(tmp_path_factory, random_network) -> Path:
 
 def batched(folder: Path, number: int) -> np.ndarray:
     """The paths of a case in the batched simulator."""
-    simulator = simulator_for(list(solved_cases([number])))
+    simulator = simulator_for(list(solved_cases([number])), secret=SECRET)
     positions = [simulator.position.copy()]
     run_policy(load(folder), simulator, lambda after: positions.append(after.position.copy()))
     return np.stack(positions)

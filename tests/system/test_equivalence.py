@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from team_secret import SECRET
 
 from magat_evaluation.cases import solved_cases
 from magat_evaluation.planners import simulator_for
@@ -52,7 +53,7 @@ def batched() -> Callable[..., list[Walk]]:
     def walk(folder: Path, encoding: str, rules: Rules, **size: int) -> list[Walk]:
         policy = load(folder, encoding=encoding)
         solved = list(solved_cases(CASES, **size))
-        simulator = simulator_for(solved, rules=rules)
+        simulator = simulator_for(solved, rules=rules, secret=SECRET)
         positions = [simulator.position.copy()]
         weighed: list[list[list[bytes]]] = [[] for _ in solved]
 

@@ -25,6 +25,7 @@ from typing import Any, Self
 
 import numpy as np
 import pytest
+from team_secret import SECRET
 
 from magat_bringup.environment import Network
 from magat_evaluation.cases import solved_cases
@@ -190,6 +191,7 @@ class SpreadTeam:
     def run(self, on_tick: Callable[[int], None] = lambda tick: None, **goal: object) -> dict[str, Any]:
         """Run an episode of `CASE`; what became of it, with arrays for lists."""
         goal = {"seed": SET_SEED, "number": CASE, "width": 20, "height": 20, "density": 0.1, **goal}
+        goal["secret"] = list(SECRET)
         self.process.stdin.write(json.dumps(goal) + "\n")
         self.process.stdin.flush()
         while "result" not in (said := self.hear()):
@@ -263,7 +265,7 @@ def assert_no_collision(outcome: dict[str, Any]) -> None:
 
 def test_robots_on_several_hosts_walk_the_paths_of_the_batched_simulator(team, policy_folder):
     policy, (solved,) = load(policy_folder), solved_cases([CASE])
-    simulator = simulator_for([solved])
+    simulator = simulator_for([solved], secret=SECRET)
     paths = [simulator.position.copy()]
 
     def decide(o):

@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from team_secret import SECRET
 
 from magat_evaluation.cases import solve_cases
 from magat_evaluation.planners import evaluate
@@ -27,15 +28,16 @@ def test_a_team_walks_the_cases_of_the_files_as_the_batched_simulator_does(tmp_p
     for case in cases:
         write_case(case, tmp_path / "field.map", tmp_path / f"{case.robots}.scen")
     files = ["--map", tmp_path / "field.map", "--scen", tmp_path / "6.scen", tmp_path / "7.scen"]
-    options = ["--robots", "6", "--crew", "3", "--radio", "relayed", "--seed", "5", "--output", tmp_path / "out"]
+    options = ["--robots", "6", "--crew", "3", "--radio", "relayed", "--seed", "5", "--secret", SECRET.hex()]
     environment = {name: value for name, value in os.environ.items() if name != "_ROS_WHEELS_BOOTSTRAP_COMPLETE"}
-    command = [sys.executable, "-m", "magat_cli", "run", *map(str, [*files, *options])]
+    command = [sys.executable, "-m", "magat_cli", "run", *map(str, [*files, *options, "--output", tmp_path / "out"])]
     ran = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=100)
     assert ran.returncode == 0, ran.stdout + ran.stderr
     assert "Cases on field.map" in ran.stdout
     results = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert [one["secret"] for one in results] == [SECRET.hex()] * 2
     first = [type(case)(case.obstacles, case.starts[:6], case.goals[:6]) for case in cases]
-    walked = evaluate(load(find_policy("MAGAT-F-128")), list(solve_cases(first, range(2))), seed=5)
+    walked = evaluate(load(find_policy("MAGAT-F-128")), list(solve_cases(first, range(2))), seed=5, secret=SECRET)
     assert [(one["ticks"], one["flowtime"], one["expert_flowtime"], one["moves_blocked"]) for one in results] == [
         (one.ticks, one.flowtime.first_visit, one.expert_flowtime.first_visit, one.moves_blocked) for one in walked
     ]

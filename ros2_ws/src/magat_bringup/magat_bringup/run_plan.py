@@ -37,6 +37,8 @@ class RunPlan:
     scenarios: Scenarios | None = None
     #: The expert's suboptimality bound, from which T_max follows.
     expert_w: float = EXPERT_W
+    #: Of all episodes, to repeat them; the simulator draws one for each if None.
+    secret: bytes | None = None
     #: Where the team is recorded to, see `bag`; nowhere if None.
     record: Path | None = None
 
@@ -69,6 +71,7 @@ class RunPlan:
         """The request for episode ``index``, from 0."""
         goal = RunEpisode.Goal(seed=self.seed, width=self.width, height=self.height, density=self.density)
         goal.expert_w = self.expert_w
+        goal.secret = self.secret or b""
         if self.scenarios is None:
             goal.number = self.first + index
         else:

@@ -27,12 +27,16 @@ def simulator_for(
     solved: Sequence[SolvedCase],
     seed: int = SET_SEED,
     rules: Rules = DEFAULT_RULES,
+    secret: bytes | None = None,
 ) -> Simulator:
-    """A simulator with a world for each case; ``seed`` and the number of a case select its random streams."""
+    """A simulator with a world for each case; ``seed`` and the number of a case select its random streams.
+
+    With the ``secret`` of an episode of a team, the streams are those of that episode, see `episode_streams`.
+    """
     return Simulator(
         [s.case for s in solved],
         [s.t_max for s in solved],
-        [episode_streams(seed, s.number, s.case.robots) for s in solved],
+        [episode_streams(seed, s.number, s.case.robots, secret) for s in solved],
         rules,
     )
 
@@ -43,9 +47,10 @@ def evaluate(
     seed: int = SET_SEED,
     on_step: Callable[[Simulator], None] | None = None,
     rules: Rules = DEFAULT_RULES,
+    secret: bytes | None = None,
 ) -> list[EpisodeMeasures]:
     """Run one episode on each case in lockstep, every robot by ``policy``; see `evaluate_planner`."""
-    return evaluate_planner(policy_planner(policy), solved, seed, on_step, rules)
+    return evaluate_planner(policy_planner(policy), solved, seed, on_step, rules, secret)
 
 
 def evaluate_planner(
@@ -54,6 +59,7 @@ def evaluate_planner(
     seed: int = SET_SEED,
     on_step: Callable[[Simulator], None] | None = None,
     rules: Rules = DEFAULT_RULES,
+    secret: bytes | None = None,
 ) -> list[EpisodeMeasures]:
     """Run one episode on each case in lockstep.
 
@@ -63,11 +69,12 @@ def evaluate_planner(
         seed: of the episodes' random streams.
         on_step: called after each step, e.g. to show progress.
         rules: of the worlds.
+        secret: see `simulator_for`.
 
     Returns:
         The measures of each case, in order.
     """
-    simulator = simulator_for(solved, seed, rules)
+    simulator = simulator_for(solved, seed, rules, secret)
     run(simulator, planner(solved, simulator), on_step)
     return simulator.measures([s.flowtime for s in solved])
 

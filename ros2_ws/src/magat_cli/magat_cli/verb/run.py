@@ -99,9 +99,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"bound of the expert's cost over the optimum, from which T_max follows (default: {EXPERT_W:g})",
     )
     parser.add_argument("--map", type=Path, metavar="FILE", help="MovingAI's .map, with --scen, instead of drawn cases")
+    parser.add_argument(
+        "--secret",
+        type=_secret,
+        metavar="HEX",
+        help="from the results of an earlier run, to repeat its episode (default: a new one for each episode)",
+    )
     add_world(parser)
     add_policy(parser)
     add_size(parser)
+
+
+def _secret(text: str) -> bytes:
+    """The secret of an episode, from hexadecimal digits."""
+    from magat_sim.streams import InvalidSecretError, check_secret
+
+    try:
+        return check_secret(bytes.fromhex(text))
+    except (ValueError, InvalidSecretError) as error:
+        raise argparse.ArgumentTypeError(
+            f"{text} is not a secret: give the 64 hexadecimal digits of one in results.json"
+        ) from error
 
 
 def _bound(text: str) -> float:

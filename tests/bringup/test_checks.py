@@ -43,7 +43,7 @@ def refused(capfd, tmp_path: Path, *options: str) -> str:
         (["--seed", "-1"], "the seed -1 is out of range"),
         (["--first", "-3"], "the cases -3 to 6 are out of range"),
         (["--first", "4294967290"], "the cases 4294967290 to 4294967299 are out of range"),
-        (["--params", "none.yaml"], "there is no parameter file none.yaml"),
+        (["--params", "none.yaml"], "the parameter file none.yaml cannot be read"),
         (["--episodes", "3", "--require", "4"], "--require 4 cannot be met by 3 episodes"),
         (["--interface", "none0"], "no interface 'none0'"),
     ],

@@ -100,7 +100,7 @@ def table(counts: Sequence[tuple[ExpertSet, int]], speeds: Sequence[ExpertSpeed]
     """``speeds`` of the sets in ``counts`` for the terminal."""
     result = Table(title="ECBS, milliseconds of search per case", title_justify="left", box=None, pad_edge=False)
     for heading in ("set", "w", "cases", "mean", "median", "p95", "max", "Mexp/s", "cost/lb", "solved"):
-        result.add_column(heading, justify="left" if heading == "set" else "right", no_wrap=True)
+        result.add_column(heading, justify="left" if heading == "set" else "right", overflow="fold")
     for (which, _), speed in zip(counts, speeds, strict=True):
         times = (speed.mean, speed.median, speed.p95, speed.longest)
         result.add_row(

@@ -280,7 +280,7 @@ def table(results: Iterable[tuple[RuntimeSetting, Speed]]) -> Table:
     result.caption, result.caption_justify = "MiB: per robot; missing: messages", "left"
     columns = ("team", "radio", "with", "ticks", "ticks/s", "p50 ms", "p99 ms", "start s", "MiB", "missing")
     for heading in columns:
-        result.add_column(heading, justify="right", no_wrap=True)
+        result.add_column(heading, justify="right", overflow="fold")
     for setting, speed in results:
         result.add_row(
             f"{setting.processes} x {setting.crew}" + " rec." * setting.recorded + " viewed" * setting.viewed,

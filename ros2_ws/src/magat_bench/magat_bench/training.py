@@ -143,15 +143,15 @@ def table(bench: TrainingBench) -> Group:
     """``bench`` for the terminal."""
     whole = Table(title=f"{bench.config.policy.name}, {bench.threads} thread(s)", title_justify="left")
     for heading in ("part", "ms per step", "share of a step", "share of a run"):
-        whole.add_column(heading, justify="left" if heading == "part" else "right")
+        whole.add_column(heading, justify="left" if heading == "part" else "right", overflow="fold")
     total = sum(bench.run.values())
     for part, seconds in bench.run.items():
         own = bench.parts.get(part)
         shown = ("", "") if own is None else (f"{1e3 * own:.1f}", f"{own / bench.step:.1%}")
         whole.add_row(part, *shown, f"{seconds / total:.1%}")
     operators = Table(title="Forward and backward, by operators", title_justify="left")
-    operators.add_column("operators")
-    operators.add_column("share", justify="right")
+    operators.add_column("operators", overflow="fold")
+    operators.add_column("share", justify="right", overflow="fold")
     for kind, share in bench.operators.items():
         operators.add_row(kind, f"{share:.1%}")
     reached = bench.flops * bench.config.batch * bench.robots / (bench.parts["forward"] + bench.parts["backward"])

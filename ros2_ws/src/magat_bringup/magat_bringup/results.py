@@ -84,7 +84,7 @@ class RunResults:
         )
         headings = ("delta_FT", "ticks", "T_max", "ticks/s", "B/tick", "blocked", "missing", "silent")
         for heading in ("case", "complete", *headings):
-            table.add_column(heading, justify="right", no_wrap=True)
+            table.add_column(heading, justify="right", overflow="fold")
         for name, result in self.rows:
             table.add_row(escape(name), *(["not run"] if result.error else self._columns(result)))
         if results:

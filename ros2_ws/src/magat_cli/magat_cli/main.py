@@ -12,10 +12,12 @@ from io import TextIOWrapper
 from pathlib import Path
 from types import ModuleType
 
-from magat_cli import verb as verbs
-from magat_cli.options import Options, read_options
-from magat_node.errors import MagatError
 from magat_node.imports import quiet_imports
+
+with quiet_imports():
+    from magat_cli import verb as verbs
+    from magat_cli.options import Options, read_options
+    from magat_node.errors import MagatError
 
 #: Exit status of a process that Ctrl-C ended.
 INTERRUPTED = 130
@@ -64,10 +66,11 @@ def _top_level(modules: dict[str, str], args: list[str]) -> None:
 
 
 def _run(verb: ModuleType, options: Options, args: list[str]) -> int:
-    from rich.console import Console
-    from rich.markup import escape
+    with quiet_imports():
+        from rich.console import Console
+        from rich.markup import escape
 
-    from magat_node import interruption
+        from magat_node import interruption
 
     interruption.watch()
     console = Console(stderr=True)  # standard output is for results

@@ -5,12 +5,9 @@
 
 import dataclasses
 import math
-import os
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from functools import lru_cache, partial
-from multiprocessing import get_context
 from typing import Any
 
 from rich.console import Console
@@ -18,6 +15,7 @@ from rich.table import Table
 
 from magat_evaluation.candidates import Candidate
 from magat_evaluation.cases import SolvedCase, solve_cases, solved_cases
+from magat_evaluation.executor import Workers, executor
 from magat_evaluation.outcomes import Outcomes
 from magat_evaluation.planners import evaluate_planner
 from magat_evaluation.report import EvaluationKey, Report
@@ -31,14 +29,14 @@ from magat_sim.scenarios import Scenarios
 BATCH_ROBOTS = 1000
 
 
-def evaluate_candidate(candidate: Candidate, cases: CaseSet, console: Console, workers: int = 1) -> Report:
+def evaluate_candidate(candidate: Candidate, cases: CaseSet, console: Console, workers: Workers = 1) -> Report:
     """Run ``candidate`` on ``cases``.
 
     Args:
         candidate: what is evaluated.
         cases: on what.
         console: shows the progress.
-        workers: processes, of one thread each if there are several; the measures do not depend on their number.
+        workers: see `executor`; the measures do not depend on them. If there is one, this process does the work.
 
     Raises:
         InvalidCaseError: no such cases can be drawn, or the expert solves none of them.
@@ -49,7 +47,7 @@ def evaluate_candidate(candidate: Candidate, cases: CaseSet, console: Console, w
 
 
 def evaluate_scenarios(
-    candidate: Candidate, scenarios: Scenarios, seed: int, console: Console, workers: int = 1
+    candidate: Candidate, scenarios: Scenarios, seed: int, console: Console, workers: Workers = 1
 ) -> Report:
     """Run ``candidate`` on cases from MovingAI's files, whose numbers are 0, 1, ...
 
@@ -58,7 +56,7 @@ def evaluate_scenarios(
         scenarios: the cases.
         seed: of the random streams.
         console: shows the progress.
-        workers: processes, see `evaluate_candidate`.
+        workers: see `evaluate_candidate`.
 
     Raises:
         InvalidCaseError: the expert solves none of the cases.
@@ -79,7 +77,7 @@ def _solved(numbers: range, seed: int, size: tuple[tuple[str, Any], ...], consol
 
 
 def _evaluate(
-    candidate: Candidate, solved: Sequence[SolvedCase], key: EvaluationKey, console: Console, workers: int
+    candidate: Candidate, solved: Sequence[SolvedCase], key: EvaluationKey, console: Console, workers: Workers
 ) -> Report:
     if not solved:
         raise InvalidCaseError(f"the expert solves none of the {key.cases} cases: ask for more, or for easier ones")
@@ -87,7 +85,7 @@ def _evaluate(
     batch = max(1, BATCH_ROBOTS // key.robots)
     batches = [solved[start : start + batch] for start in range(0, len(solved), batch)]
     run = partial(evaluate_planner, candidate.make_planner(), seed=key.seed, rules=candidate.rules)
-    episodes = _in_processes(run, batches, workers, console) if workers > 1 else _here(run, batches, console)
+    episodes = _here(run, batches, console) if workers == 1 else _elsewhere(run, batches, workers, console)
     elapsed = time.monotonic() - started
     measures = dataclasses.asdict(summarise(episodes))
     if math.isnan(measures["delta_ft_half_width"]):
@@ -120,17 +118,13 @@ def _here(run: _Run, batches: Sequence[Sequence[SolvedCase]], console: Console) 
     return episodes
 
 
-def _in_processes(
-    run: _Run, batches: Sequence[Sequence[SolvedCase]], workers: int, console: Console
+def _elsewhere(
+    run: _Run, batches: Sequence[Sequence[SolvedCase]], workers: Workers, console: Console
 ) -> list[EpisodeMeasures]:
-    # Spawned, because the libraries' threads do not survive a fork.
-    pool = ProcessPoolExecutor(workers, get_context("spawn"), os.putenv, ("OMP_NUM_THREADS", "1"))
-    try:
+    with executor(workers) as pool:
         found: Iterator[list[EpisodeMeasures]] = pool.map(run, batches)
         shown = tracked(found, "batches of episodes", len(batches), console)
         return [measures for batch in shown for measures in batch]
-    finally:
-        pool.shutdown(cancel_futures=True)  # after an interruption, only the running batches are finished
 
 
 def table(report: Report) -> Table:
@@ -143,7 +137,7 @@ def table(report: Report) -> Table:
     )
     result = Table(title=title, title_justify="left")
     for heading in ("measure", "value", "95 % interval"):
-        result.add_column(heading, justify="right")
+        result.add_column(heading, justify="right", overflow="fold")
 
     def interval(low: float, high: float) -> str:
         return f"{low:.3f} to {high:.3f}"

@@ -81,7 +81,9 @@ def listing(policies: Sequence[ListedPolicy | UnusablePolicy]) -> Group:
     """``policies`` for the terminal."""
     result = Table(box=None, pad_edge=False)
     for heading in ("policy", "digest", "T", "floats a step", "bytes", "weights", "reports"):
-        result.add_column(heading, justify="left" if heading in ("policy", "digest", "reports") else "right")
+        result.add_column(
+            heading, justify="left" if heading in ("policy", "digest", "reports") else "right", overflow="fold"
+        )
     entries, problems = [], []
     for policy in policies:
         if isinstance(policy, UnusablePolicy):

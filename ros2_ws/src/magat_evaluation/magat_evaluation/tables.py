@@ -59,7 +59,7 @@ def table(entries: Iterable[tuple[str, str, Report]]) -> Table:
     """
     result = Table(box=None, pad_edge=False)
     for heading in ("", "cases", "T", *MEASURES):
-        result.add_column(heading, justify="right" if heading else "left")
+        result.add_column(heading, justify="right" if heading else "left", overflow="fold")
     for _, group in itertools.groupby(sorted(entries, key=_set), key=_set):
         for place, (name, digest, report) in enumerate(group):
             if place == 0:

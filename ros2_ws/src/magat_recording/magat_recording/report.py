@@ -155,7 +155,7 @@ def _table(values: pd.DataFrame, title: str, columns: Mapping[str, str]) -> Tabl
     table = Table(title=title, title_justify="left", box=None, pad_edge=False, padding=(0, 1, 0, 0))
     present = [name for name in columns if name in values]
     for name in present:
-        table.add_column(columns[name], justify="right", no_wrap=True)
+        table.add_column(columns[name], justify="right", overflow="fold")
     for row in values[present].itertuples(index=False):
         table.add_row(*(escape(_text(value)) for value in row))
     return table

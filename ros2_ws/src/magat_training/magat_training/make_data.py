@@ -4,6 +4,7 @@
 """``magat data``: makes and shows data sets, folders of cases with the expert's solutions."""
 
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +12,14 @@ from rich.console import Console
 from rich.table import Table
 
 from magat_evaluation.cases import first_cases
+from magat_evaluation.executor import Workers, executor
 from magat_node import interruption
+from magat_node.lock import locked
 from magat_node.progress import progress_bars
 from magat_training.data import DataSetError, check_data_set, make_data_set
 
 
-def make(folder: Path, cases: int, seed: int, size: dict[str, Any], console: Console) -> None:
+def make(folder: Path, cases: int, seed: int, size: dict[str, Any], console: Console, workers: Workers = 1) -> None:
     """Make a data set of ``cases`` cases in ``folder``, or the rest of one that was interrupted.
 
     Args:
@@ -25,15 +28,17 @@ def make(folder: Path, cases: int, seed: int, size: dict[str, Any], console: Con
         seed: of the cases.
         size: width, height, robots, density, as `draw_case` takes them.
         console: shows the progress and a summary.
+        workers: solve the cases; threads of this process if there is one.
 
     Raises:
         DataSetError: as `make_data_set`; or the folder cannot be written.
+        MagatError: another process makes a data set in the folder, or the workers cannot be used.
         InvalidCaseError: this number of cases, or cases of this size, cannot be drawn.
         KeyboardInterrupt: with a message that the command can be resumed.
     """
     splits = first_cases(cases)
     started = time.monotonic()
-    with progress_bars(console) as bar:
+    with locked(folder), nullcontext() if workers == 1 else executor(workers) as pool, progress_bars(console) as bar:
         task = bar.add_task("cases", total=cases)
 
         def show_progress(done: int) -> None:
@@ -41,7 +46,7 @@ def make(folder: Path, cases: int, seed: int, size: dict[str, Any], console: Con
             bar.update(task, completed=done)
 
         try:
-            manifest = make_data_set(folder, seed, splits, size, progress=show_progress)
+            manifest = make_data_set(folder, seed, splits, size, progress=show_progress, executor=pool)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"the same command resumes the data set in {folder}") from None
         except OSError as error:
@@ -66,7 +71,7 @@ def show(folder: Path, console: Console) -> None:
     size, expert = recipe["size"], recipe["expert"]
     table = Table(box=None, pad_edge=False)
     for heading in ("split", "numbers", "drawn", "solved", "instants", "shards", "unsolved"):
-        table.add_column(heading, justify="left" if heading in ("split", "unsolved") else "right")
+        table.add_column(heading, justify="left" if heading in ("split", "unsolved") else "right", overflow="fold")
     for name, split in manifest["splits"].items():
         first, end = recipe["splits"][name]
         counts = (split["drawn"], split["solved"], split["instants"], len(split["shards"]))

@@ -60,7 +60,7 @@ def table(report: dict[str, Any]) -> Table:
     title = f"{report['policy']}, T = {report['temperature']:g}, in POGEMA: {report['cases']} cases of {place}"
     result = Table(title=title, title_justify="left")
     for heading in ("metric", "mean", "95 % interval"):
-        result.add_column(heading, justify="right")
+        result.add_column(heading, justify="right", overflow="fold")
     for name in METRICS:
         low, high = report["CSR_interval"]
         result.add_row(name, f"{report[name]:.3f}", f"{low:.3f} to {high:.3f}" if name == "CSR" else "")

@@ -14,6 +14,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from magat_evaluation import studies
+from magat_evaluation.executor import Workers
 from magat_evaluation.points import Point, measure_points
 from magat_evaluation.report import EvaluationKey, Report
 from magat_evaluation.report_files import outcomes_file, read_csv, write_csv
@@ -75,7 +76,7 @@ class Study:
         self,
         folder: Path,
         console: Console,
-        workers: int = 1,
+        workers: Workers = 1,
         others: Sequence[Path] = (),
         only: Sequence[Point] | None = None,
     ) -> list[Report]:
@@ -84,7 +85,7 @@ class Study:
         Args:
             folder: of the files.
             console: shows the progress.
-            workers: processes.
+            workers: see `executor`.
             others: files that may hold some of the reports.
             only: what to measure; the file keeps its other reports that are `current`. If None, all points are
                 measured, and the file then holds them and nothing else.
@@ -144,7 +145,7 @@ class Study:
         """``reports`` for the terminal."""
         result = Table(title=self.title, title_justify="left", box=None, pad_edge=False)
         for name in self.heading:
-            result.add_column(name)
+            result.add_column(name, overflow="fold")
         for report in reports:
             result.add_row(*map(escape, self.row(report)))
         return result

@@ -5,9 +5,9 @@
 
 import ast
 import os
+import resource
 import subprocess
 import sys
-import time
 from functools import cache
 from pathlib import Path
 
@@ -123,11 +123,12 @@ def test_help_is_quick_and_imports_nothing_heavy() -> None:
     assert not loaded & {*HEAVY, *ROS, "numpy", "rich"}
 
     def seconds() -> float:
-        start = time.perf_counter()
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
         python("-m", "magat_cli", "--help")
-        return time.perf_counter() - start
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
-    # The best of a few: other tests and processes share the processors.
+    # Of processor time, the best of a few: other tests and processes share the processors.
     assert min(seconds() for _ in range(5)) < 0.3
 
 

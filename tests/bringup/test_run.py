@@ -25,6 +25,7 @@ from magat_bringup.run_plan import RunPlan
 from magat_bringup.team import TeamFile, TeamPlan
 from magat_interfaces.action import RunEpisode
 from magat_node.errors import MagatError, TeamError
+from magat_recording.bag import BagWriter
 from magat_recording.world_log import WorldLog
 from magat_robot.policy.models import find_policy
 
@@ -55,6 +56,9 @@ class Client:
     def wait_for_simulator(self, timeout: float) -> None:
         pass
 
+    def wait_for_recorder(self) -> None:
+        pass
+
     def run(self, goal: object, on_feedback: object) -> EpisodeOutcome:
         end = next(self._ends)
         if isinstance(end, BaseException):
@@ -65,11 +69,13 @@ class Client:
 @pytest.fixture
 def start(monkeypatch, tmp_path):
     """Runs as many episodes as there are ends; returns what was printed, the results and the error."""
-    monkeypatch.setattr("magat_bringup.run.TeamProcesses", mock.MagicMock())
 
-    def make(*ends: object, names: list[str] | None = None) -> SimpleNamespace:
+    def make(*ends: object, recorder: str = "", record: Path | None = None) -> SimpleNamespace:
+        processes = mock.MagicMock()
+        processes.return_value.__enter__.return_value.given_up = {"recorder": recorder} if recorder else {}
+        monkeypatch.setattr("magat_bringup.run.TeamProcesses", processes)
         monkeypatch.setattr("magat_bringup.run.EpisodeClient", lambda *_: Client(list(ends)))
-        plan = RunPlan(len(ends), 20, 20, 0.1, 1, 100, output=tmp_path / "out")
+        plan = RunPlan(len(ends), 20, 20, 0.1, 1, 100, output=tmp_path / "out", record=record)
         console, error = Console(record=True, width=80, file=open(os.devnull, "w")), None  # noqa: SIM115
         try:
             with mock.patch.dict(os.environ):
@@ -125,6 +131,23 @@ def test_an_episode_without_all_its_worlds_has_no_picture_but_a_result(start):
     assert done.error is None
     assert "There is no picture: 0 of 21" in done.text
     assert len(done.rows) == 1
+
+
+def test_a_recorder_that_was_given_up_fails_the_run_after_its_results(start):
+    done = start(outcome(), recorder="ended with status 1", record=Path())
+    assert "the recording is not complete: the recorder ended with status 1" in str(done.error)
+    assert len(done.rows) == 1
+
+
+def test_a_recording_that_was_not_finished_fails_the_run_after_its_results(start, tmp_path):
+    writer = BagWriter(tmp_path / "bag")
+    with mock.patch("magat_bringup.run.check_run"):
+        done = start(outcome(), record=tmp_path / "bag")
+    assert f"the recording in {tmp_path / 'bag'} was not finished" in str(done.error)
+    assert "is empty" in done.text
+    writer.close()
+    with mock.patch("magat_bringup.run.check_run"):
+        assert start(outcome(), record=tmp_path / "bag").error is None
 
 
 def test_results_are_kept_after_each_episode(tmp_path):

@@ -164,8 +164,9 @@ def test_a_full_disk_ends_no_episode_and_is_named(tmp_path, monkeypatch):
     full = mock.Mock(side_effect=OSError(errno.ENOSPC, "No space left on device"))
     monkeypatch.setattr(Path, "open", full)
     results.add("a", result())
-    assert results.problem == f"the results in {tmp_path} are not complete (No space left on device)"
-    assert len(results.run) == 1
+    results.add("b", result())
+    assert results.problems == [f"the results in {tmp_path} are not complete (No space left on device)"]
+    assert len(results.run) == 2
 
 
 def test_the_table_is_printed_though_standard_output_is_closed(tmp_path):

@@ -31,8 +31,8 @@ class RunResults:
         self._folder, self._robots = folder, robots
         #: The names of the cases and their results. One with an ``error`` was not run.
         self.rows: list[tuple[str, RunEpisode.Result]] = []
-        #: Why the files could not be written; empty if they could.
-        self.problem = ""
+        #: What could not be written, and why.
+        self.problems: list[str] = []
 
     @property
     def run(self) -> list[RunEpisode.Result]:
@@ -64,7 +64,8 @@ class RunResults:
         try:
             write()
         except OSError as error:
-            self.problem = f"the results in {self._folder} are not complete ({error.strerror})"
+            problem = f"the results in {self._folder} are not complete ({error.strerror})"
+            self.problems = [*(one for one in self.problems if one != problem), problem]
 
     def table(self, title: str) -> Table:
         """One row for each episode, and one for all that were run."""

@@ -60,15 +60,9 @@ def run(plan: RunPlan, team: TeamPlan, console: Console) -> list[RunEpisode.Resu
                     open_console.print(line, highlight=False, soft_wrap=True)
         if last is not None:
             _draw(plan, team, last, folder, console)
-        not_run = [case for case, result in results.rows if result.error]
-        if not_run:
-            raise MagatError(f"{len(not_run)} of {plan.episodes} episodes were not run: {', '.join(not_run)}")
-        if results.problem:
-            raise MagatError(results.problem)
-        if team.record is not None and not is_finished(team.record):
-            raise MagatError(
-                f"the recording in {team.record} was not finished: its recorder failed, see the lines above"
-            )
+        problems = _problems(plan, results, team.record)
+        if problems:
+            raise MagatError("; ".join(problems))
     return results.run
 
 
@@ -109,7 +103,7 @@ def _run_team(
                 progress.remove_task(task)
             last = _run_episodes(plan, team, client, progress, results)
         if "recorder" in running.given_up:
-            results.problem = f"the recording is not complete: the recorder {running.given_up['recorder']}"
+            results.problems.append(f"the recording is not complete: the recorder {running.given_up['recorder']}")
         return last
 
 
@@ -178,6 +172,16 @@ def _show(plan: RunPlan, results: RunResults, console: Console) -> None:
         results.finish()
         console.print(results.table(plan.title))
         console.print(f"[dim]{LEGEND}[/]")
+
+
+def _problems(plan: RunPlan, results: RunResults, bag: Path | None) -> list[str]:
+    """What a run to its end lacks nevertheless."""
+    not_run = [case for case, result in results.rows if result.error]
+    return [
+        *([f"{len(not_run)} of {plan.episodes} episodes were not run: {', '.join(not_run)}"] if not_run else []),
+        *results.problems,
+        *([f"the recording in {bag} was not finished"] if bag is not None and not is_finished(bag) else []),
+    ]
 
 
 def _draw(plan: RunPlan, team: TeamPlan, outcome: EpisodeOutcome, folder: Path, console: Console) -> None:

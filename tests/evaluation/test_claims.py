@@ -175,10 +175,10 @@ def test_what_is_left_when_mute_stands_beside_the_control() -> None:
     greedy = report("greedy", "20x20 (10)", 120, digest="")
     measured = Measured([*talks, mute, greedy])
     assert best_policy(measured) == "GNN-F-16"
-    alpha, delta_ft = rows(mute_table(measured))
+    alpha, delta_ft, last = rows(mute_table(measured))
     assert alpha[:6] == ["GNN-F-16", "idle", "20x20 (10)", "alpha", "0.980", "0.680"]
     assert alpha[6].startswith("+0.300 (+0.2")
-    assert (alpha[7], delta_ft[3]) == ("0.400", "delta_FT")
+    assert (alpha[7:], delta_ft[3], last[3]) == (["", "0.400"], "delta_FT, first", "delta_FT, last")
     assert mute_table(Measured(talks)) == mute_table(Measured([])) == ""
 
 

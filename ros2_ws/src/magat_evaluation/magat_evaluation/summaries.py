@@ -28,7 +28,9 @@ _AIM_WORDS = {
 }
 #: Where the effect of messages is shown.
 MUTE_MAPS = ("20x20 (10)", "50x50 (60)", "65x65 (100)", "50x50 (100)", "100x100 (500)", "200x200 (1000)")
-_GREEDY = "greedy"
+#: The controls beside a mute policy: one that was trained without messages, and one without a network.
+SILENT, GREEDY = "MAGAT-F-128-K1", "greedy"
+_MEASURES = (("alpha", "alpha"), ("delta_ft", "delta_FT, first"), ("delta_ft_strict", "delta_FT, last"))
 
 
 def aims_table(measured: Measured) -> str:
@@ -53,14 +55,14 @@ def best_policy(measured: Measured) -> str | None:
 
 
 def mute_table(measured: Measured) -> str:
-    """What of the best policy's results is left without messages, beside the control greedy; "" if nothing is known."""
+    """What of the best policy's results is left without messages, beside other controls; "" if nothing is known."""
     best = best_policy(measured)
     rows = []
     for shield in SHIELDS if best else ():
         for place in MUTE_MAPS:
-            for measure, name in (("alpha", "alpha"), ("delta_ft", "delta_FT")):
+            for measure, name in _MEASURES:
                 rows += _mute_row(measured, str(best), shield, place, measure, name)
-    heading = ("policy", "shield", "map (robots)", "measure", "with messages", "mute", "difference", "greedy")
+    heading = ("policy", "shield", "map (robots)", "measure", "with messages", "mute", "difference", SILENT, GREEDY)
     return markdown_table(heading, rows) if rows else ""
 
 
@@ -71,10 +73,9 @@ def _mute_row(
     estimate = measured.estimate(measure, {(policy, talks): 1.0, (policy, mute): -1.0}, [place])
     if estimate is None:
         return []
-    levels = ((policy, talks), (policy, mute), (_GREEDY, talks))
-    with_messages, without, greedy = (measured.level(measure, who, place, how) for who, how in levels)
-    difference = shown(estimate, signed=True)
-    return [(policy, shield, place, name, _value(with_messages), _value(without), difference, _value(greedy))]
+    levels = ((policy, talks), (policy, mute), (SILENT, talks), (GREEDY, talks))
+    values = [_value(measured.level(measure, who, place, how)) for who, how in levels]
+    return [(policy, shield, place, name, *values[:2], shown(estimate, signed=True), *values[2:])]
 
 
 def trainings_table(measured: Measured) -> str:

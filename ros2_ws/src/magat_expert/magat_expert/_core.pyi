@@ -17,6 +17,7 @@ def solve(
     w: float,
     time_limit: float,
     node_limit: int,
+    memory_limit: int,
     stop: StopFlag | None,
 ) -> tuple[int, np.ndarray | None, int, int, float, int, int]: ...
 def solve_hca(
@@ -26,6 +27,7 @@ def solve_hca(
     time_limit: float,
     orders: int,
     seed: int,
+    memory_limit: int,
     stop: StopFlag | None,
 ) -> tuple[int, np.ndarray | None, int, int, float, int, int]: ...
 def solve_replan(
@@ -35,6 +37,7 @@ def solve_replan(
     time_limit: float,
     max_steps: int,
     seed: int,
+    memory_limit: int,
     stop: StopFlag | None,
 ) -> tuple[int, np.ndarray | None, int, int, float, int, int]: ...
 def components(obstacles: np.ndarray) -> np.ndarray: ...

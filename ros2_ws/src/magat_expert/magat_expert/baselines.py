@@ -6,7 +6,13 @@
 from numpy.typing import ArrayLike
 
 from magat_expert import _core
-from magat_expert.instance import validate_count, validate_instance, validate_time_limit
+from magat_expert.instance import (
+    DEFAULT_MEMORY_LIMIT,
+    validate_count,
+    validate_instance,
+    validate_memory_limit,
+    validate_time_limit,
+)
 from magat_expert.solver import Solution, StopFlag, solution_of
 
 #: Seeds are 64-bit numbers.
@@ -23,6 +29,7 @@ def solve_hca(
     orders: int = 20,
     seed: int = 0,
     stop: StopFlag | None = None,
+    memory_limit: int = DEFAULT_MEMORY_LIMIT,
 ) -> Solution:
     """Hierarchical Cooperative A*: robots plan one after another and avoid the paths of the earlier ones.
 
@@ -32,7 +39,7 @@ def solve_hca(
     all robots plan again, in an order shuffled by `seed` in which that robot is first.
 
     The status is SOLVED; INCOMPLETE after `orders` orders without a solution, when there may still be one;
-    NO_SOLUTION, TIMED_OUT or STOPPED as in `solve`. The search releases the GIL.
+    NO_SOLUTION, TIMED_OUT, MEMORY_LIMIT or STOPPED as in `solve`. The search releases the GIL.
 
     Args:
         obstacles: bool `[H, W]`, indexed `[y, x]`, True on obstacles.
@@ -43,6 +50,7 @@ def solve_hca(
         seed: of the orders, 0 to 2^64 - 1. The same arguments give the same paths, unless the time limit ends the
             search.
         stop: once set, by any thread, the search ends with the status STOPPED.
+        memory_limit: as in `solve`, MiB.
 
     Raises:
         InvalidInstanceError: the instance or a parameter is invalid; the message says what to do.
@@ -50,10 +58,12 @@ def solve_hca(
     time_limit = validate_time_limit(time_limit)
     orders = validate_count(orders, "orders", 1, 2**31 - 1)
     seed = validate_count(seed, "seed", 0, _MAX_SEED)
+    most_bytes = validate_memory_limit(memory_limit)
     instance = validate_instance(obstacles, starts, goals)
-    return solution_of(
-        _core.solve_hca(instance.obstacles, instance.starts, instance.goals, time_limit, orders, seed, stop), instance
+    outcome = _core.solve_hca(
+        instance.obstacles, instance.starts, instance.goals, time_limit, orders, seed, most_bytes, stop
     )
+    return solution_of(outcome, instance)
 
 
 def solve_replan(
@@ -64,6 +74,7 @@ def solve_replan(
     max_steps: int | None = None,
     seed: int = 0,
     stop: StopFlag | None = None,
+    memory_limit: int = DEFAULT_MEMORY_LIMIT,
 ) -> Solution:
     """Global re-planning: each robot follows a shortest path, and re-plans when a step is in conflict.
 
@@ -74,8 +85,9 @@ def solve_replan(
     move to in this step, or waits if there is none. Robots that have arrived do not move.
 
     The status is SOLVED if all have arrived; INCOMPLETE after `max_steps` steps, or as soon as no robot can
-    move; NO_SOLUTION, TIMED_OUT or STOPPED as in `solve`. Except for NO_SOLUTION, the result holds the paths up to the
-    end, which are free of conflicts, and which robots have `arrived`. The search releases the GIL.
+    move; NO_SOLUTION, TIMED_OUT, MEMORY_LIMIT or STOPPED as in `solve`. Except for NO_SOLUTION and MEMORY_LIMIT, the
+    result holds the paths up to the end, which are free of conflicts, and which robots have `arrived`. The search
+    releases the GIL.
 
     Args:
         obstacles: bool `[H, W]`, indexed `[y, x]`, True on obstacles.
@@ -87,6 +99,7 @@ def solve_replan(
         seed: of the orders, 0 to 2^64 - 1. The same arguments give the same paths, unless the time limit ends the
             search.
         stop: once set, by any thread, the search ends with the status STOPPED.
+        memory_limit: as in `solve`, MiB.
 
     Raises:
         InvalidInstanceError: the instance or a parameter is invalid; the message says what to do.
@@ -94,7 +107,9 @@ def solve_replan(
     time_limit = validate_time_limit(time_limit)
     steps = -1 if max_steps is None else validate_count(max_steps, "max_steps", 0, _MOST_STEPS)
     seed = validate_count(seed, "seed", 0, _MAX_SEED)
+    most_bytes = validate_memory_limit(memory_limit)
     instance = validate_instance(obstacles, starts, goals)
-    return solution_of(
-        _core.solve_replan(instance.obstacles, instance.starts, instance.goals, time_limit, steps, seed, stop), instance
+    outcome = _core.solve_replan(
+        instance.obstacles, instance.starts, instance.goals, time_limit, steps, seed, most_bytes, stop
     )
+    return solution_of(outcome, instance)

@@ -4,13 +4,20 @@
 """Many instances at once, on several cores."""
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from typing import Protocol
 
 import numpy.typing as npt
 
-from magat_expert.instance import DEFAULT_W, InvalidInstanceError, validate_limits
+from magat_expert.instance import (
+    DEFAULT_MEMORY_LIMIT,
+    DEFAULT_W,
+    InvalidInstanceError,
+    validate_limits,
+    validate_memory_limit,
+)
 from magat_expert.solver import Solution, StopFlag, solve
 
 
@@ -36,12 +43,13 @@ def solve_many(
     w: float = DEFAULT_W,
     time_limit: float = 10.0,
     node_limit: int | None = None,
+    memory_limit: int = DEFAULT_MEMORY_LIMIT,
 ) -> Iterator[Solution]:
     """Solve cases in threads, and yield their solutions in the order of the cases.
 
     The number of workers changes only the `seconds` of a solution, as long as no search reaches its time limit;
-    `node_limit` ends searches at the same point on every machine. Cases are taken from the iterable as they are
-    needed, so it may be a generator of any length. Leaving the loop early ends all searches.
+    `node_limit` and `memory_limit` end searches at the same point on every machine. Cases are taken from the iterable
+    as they are needed, so it may be a generator of any length. Leaving the loop early ends all searches.
 
     Args:
         cases: the instances.
@@ -49,6 +57,7 @@ def solve_many(
         w: as in `solve`.
         time_limit: as in `solve`, seconds for each case.
         node_limit: as in `solve`, for each case.
+        memory_limit: as in `solve`, MiB for each case.
 
     Raises:
         InvalidInstanceError: a case is invalid (the message begins with its number), or a parameter is.
@@ -57,17 +66,19 @@ def solve_many(
     if workers < 1:
         raise ValueError(f"workers is {workers}: give at least 1")
     validate_limits(w, time_limit, node_limit)
-    return _solutions(cases, workers, w, time_limit, node_limit)
+    validate_memory_limit(memory_limit)
+    stop = StopFlag()
+    search = partial(solve, w=w, time_limit=time_limit, node_limit=node_limit, stop=stop, memory_limit=memory_limit)
+    return _solutions(cases, workers, search, stop)
 
 
 def _solutions(
-    cases: Iterable[Case], workers: int, w: float, time_limit: float, node_limit: int | None
+    cases: Iterable[Case], workers: int, search: Callable[..., Solution], stop: StopFlag
 ) -> Iterator[Solution]:
-    stop = StopFlag()
 
     def solve_one(number: int, case: Case) -> Solution:
         try:
-            return solve(case.obstacles, case.starts, case.goals, w, time_limit, node_limit, stop)
+            return search(case.obstacles, case.starts, case.goals)
         except InvalidInstanceError as error:
             raise InvalidInstanceError(f"case {number}: {error}") from error
 

@@ -16,6 +16,8 @@ MAX_ROBOTS = 32_767  # the search stores robots in 16 bits
 MAX_SIDE = 32_767  # paths store coordinates in 16 bits
 #: Largest suboptimality bound, and its default.
 MAX_W, DEFAULT_W = 1_000.0, 1.1
+#: Largest memory limit of a search, and its default, MiB.
+MAX_MEMORY_LIMIT, DEFAULT_MEMORY_LIMIT = 2**20, 1024
 
 
 class InvalidInstanceError(ValueError):
@@ -101,6 +103,15 @@ def validate_time_limit(time_limit: float) -> float:
     if not time_limit > 0.0:
         raise InvalidInstanceError(f"time_limit is {time_limit}: give the search more than 0 seconds")
     return time_limit
+
+
+def validate_memory_limit(memory_limit: int) -> int:
+    """The bytes of a `memory_limit` in MiB, from 1 to `MAX_MEMORY_LIMIT`.
+
+    Raises:
+        InvalidInstanceError: it is not a whole number, or out of range.
+    """
+    return validate_count(memory_limit, "memory_limit", 1, MAX_MEMORY_LIMIT, " MiB") * 2**20
 
 
 def validate_count(value: int, name: str, lowest: int, highest: int, note: str = "") -> int:

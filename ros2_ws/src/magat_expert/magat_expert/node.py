@@ -4,6 +4,7 @@
 """The expert as a ROS 2 service. It only translates between `SolveMapf` and `magat_expert.solve`."""
 
 import sys
+from array import array
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
@@ -13,18 +14,20 @@ with quiet_imports():
     import numpy as np
     from rclpy.node import Node
 
-    from magat_expert.instance import InvalidInstanceError, validate_time_limit
+    from magat_expert.instance import DEFAULT_MEMORY_LIMIT, MAX_MEMORY_LIMIT, InvalidInstanceError, validate_time_limit
     from magat_expert.solver import Solution, SolveStatus, StopFlag, solve
     from magat_interfaces.srv import SolveMapf
     from magat_node.deferred import create_deferred_service
     from magat_node.parameters import declare_count, declare_seconds
     from magat_node.run import run_node
+    from magat_node.text import shortened
 
 _STATUS = {
     SolveStatus.SOLVED: SolveMapf.Response.SOLVED,
     SolveStatus.NO_SOLUTION: SolveMapf.Response.NO_SOLUTION,
     SolveStatus.TIMED_OUT: SolveMapf.Response.TIMED_OUT,
     SolveStatus.STOPPED: SolveMapf.Response.TIMED_OUT,
+    SolveStatus.MEMORY_LIMIT: SolveMapf.Response.TIMED_OUT,  # the message names the limit
 }
 
 
@@ -41,6 +44,9 @@ class ExpertNode(Node):
         super().__init__("expert", **options)
         searches = declare_count(self, "searches", 4, "number of searches at the same time", at_most=64)
         self._longest = declare_seconds(self, "max_time_limit", 60.0, "longest search for a request")
+        self._memory_limit = declare_count(
+            self, "memory_limit", DEFAULT_MEMORY_LIMIT, "MiB that a search may take", at_most=MAX_MEMORY_LIMIT
+        )
         self._pool = ThreadPoolExecutor(searches, thread_name_prefix="search")
         self._stop = StopFlag()
         create_deferred_service(self, SolveMapf, "solve_mapf", self._begin)
@@ -57,7 +63,8 @@ class ExpertNode(Node):
             response.message = str(error)
             self.get_logger().warning(f"refused a request: {error}", throttle_duration_sec=5.0)
         except Exception as error:  # the client must get an answer in any case
-            response = SolveMapf.Response(status=SolveMapf.Response.INVALID, message=f"the expert failed: {error!r}")
+            why = f"the expert failed: {shortened(repr(error), 300)}"
+            response = SolveMapf.Response(status=SolveMapf.Response.INVALID, message=why)
             self.get_logger().error(response.message)
         try:
             send(response)
@@ -67,8 +74,10 @@ class ExpertNode(Node):
     def _solve(self, request: SolveMapf.Request, response: SolveMapf.Response) -> None:
         obstacles, starts, goals = instance_of(request)
         time_limit = min(validate_time_limit(request.time_limit), self._longest)
-        solution = solve(obstacles, starts, goals, request.w, time_limit, stop=self._stop)
-        fill_response(response, solution, time_limit)
+        solution = solve(
+            obstacles, starts, goals, request.w, time_limit, stop=self._stop, memory_limit=self._memory_limit
+        )
+        fill_response(response, solution, time_limit, self._memory_limit)
         self.get_logger().info(
             f"{len(starts)} robots on {request.width}x{request.height} cells: {solution.status.name} in "
             f"{solution.seconds:.3f} s, cost {solution.cost}, lower bound {solution.lower_bound}"
@@ -104,20 +113,26 @@ def instance_of(request: SolveMapf.Request) -> tuple[np.ndarray, np.ndarray, np.
     return obstacles.reshape(request.height, request.width), starts, goals
 
 
-def fill_response(response: SolveMapf.Response, solution: Solution, time_limit: float) -> None:
-    """Write the outcome of a search of at most `time_limit` seconds into a response."""
+def fill_response(
+    response: SolveMapf.Response, solution: Solution, time_limit: float, memory_limit: int = DEFAULT_MEMORY_LIMIT
+) -> None:
+    """Write the outcome of a search of at most `time_limit` seconds and `memory_limit` MiB into a response."""
     response.status = _STATUS[solution.status]
     response.lower_bound = float(solution.lower_bound)
     response.time = solution.seconds
     if solution.paths is not None:
-        response.path_x = solution.paths[..., 0].ravel().tolist()
-        response.path_y = solution.paths[..., 1].ravel().tolist()
+        # As an array, because a list takes twenty times the memory.
+        response.path_x, response.path_y = (array("h", solution.paths[..., axis].tobytes()) for axis in (0, 1))
         response.cost = solution.cost
         response.makespan = solution.makespan
     elif solution.status is SolveStatus.NO_SOLUTION:
         response.message = "there is no solution: these robots would have to pass each other where they cannot"
     elif solution.status is SolveStatus.STOPPED:
         response.message = "the expert is shutting down"
+    elif solution.status is SolveStatus.MEMORY_LIMIT:
+        response.message = (
+            f"not solved within {memory_limit} MiB: allow a larger w, or raise the expert's parameter memory_limit"
+        )
     else:
         response.message = (
             f"not solved within {time_limit:g} s: allow more time or a larger w; there may be no solution"

@@ -11,7 +11,14 @@ from numpy.typing import ArrayLike
 
 from magat_expert import _core
 from magat_expert._core import StopFlag
-from magat_expert.instance import DEFAULT_W, Instance, validate_instance, validate_limits
+from magat_expert.instance import (
+    DEFAULT_MEMORY_LIMIT,
+    DEFAULT_W,
+    Instance,
+    validate_instance,
+    validate_limits,
+    validate_memory_limit,
+)
 
 
 class SolveStatus(enum.IntEnum):
@@ -23,6 +30,7 @@ class SolveStatus(enum.IntEnum):
     NODE_LIMIT = 3
     STOPPED = 4  # by a StopFlag
     INCOMPLETE = 5  # a baseline ended without a solution; there may be one
+    MEMORY_LIMIT = 6
 
 
 @dataclass(frozen=True)
@@ -33,7 +41,7 @@ class Solution:
         status: how the search ended.
         paths: int16 `[T + 1, N, 2]`, cells `(x, y)` by time step and robot, or None unless solved. T is the
             makespan; robots that arrived earlier rest on their goals. `solve_replan` returns the paths up to its end
-            with any status.
+            with any status but NO_SOLUTION and MEMORY_LIMIT.
         arrived: bool `[N]`, whether each robot is on its goal at the end of its path; all False without paths.
         cost: steps, the sum over robots of the time after which the robot stays on its goal; 0 unless solved.
         lower_bound: steps. No valid paths cost less, whether solved or not; if solved by `solve`,
@@ -68,6 +76,7 @@ def solve(
     time_limit: float = 10.0,
     node_limit: int | None = None,
     stop: StopFlag | None = None,
+    memory_limit: int = DEFAULT_MEMORY_LIMIT,
 ) -> Solution:
     """Find paths without vertex or swap conflicts that cost at most `w` times the optimum.
 
@@ -77,7 +86,7 @@ def solve(
     The same arguments give the same paths, unless the time limit ends the search. The search releases the GIL.
 
     The search proves that an instance has no solution only for corridors and for full maps without a cycle; otherwise
-    it ends at a limit. It takes up to about 1 GB of memory per minute.
+    it ends at a limit. Its memory grows with what it searches, besides 4 bytes for each robot and cell of the map.
 
     Args:
         obstacles: bool `[H, W]`, indexed `[y, x]`, True on obstacles.
@@ -87,19 +96,18 @@ def solve(
         time_limit: seconds; infinity for none. Exceeded by a few milliseconds, or by 1 or 2 % in long searches.
         node_limit: high-level expansions, or None. Unlike a time limit, it ends every run at the same point.
         stop: once set, by any thread, the search ends with the status STOPPED.
+        memory_limit: MiB that the search may take; beyond it ends with the status MEMORY_LIMIT.
 
     Raises:
         InvalidInstanceError: the instance or a parameter is invalid; the message says what to do.
     """
     w, time_limit, node_limit = validate_limits(w, time_limit, node_limit)
-    return solve_instance(validate_instance(obstacles, starts, goals), w, time_limit, node_limit, stop)
-
-
-def solve_instance(instance: Instance, w: float, time_limit: float, node_limit: int, stop: StopFlag | None) -> Solution:
-    """Like `solve`, for an instance and limits that are validated."""
-    return solution_of(
-        _core.solve(instance.obstacles, instance.starts, instance.goals, w, time_limit, node_limit, stop), instance
+    most_bytes = validate_memory_limit(memory_limit)
+    instance = validate_instance(obstacles, starts, goals)
+    outcome = _core.solve(
+        instance.obstacles, instance.starts, instance.goals, w, time_limit, node_limit, most_bytes, stop
     )
+    return solution_of(outcome, instance)
 
 
 def solution_of(outcome: tuple[int, np.ndarray | None, int, int, float, int, int], instance: Instance) -> Solution:

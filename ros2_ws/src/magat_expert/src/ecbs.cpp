@@ -7,6 +7,8 @@
 #include <cstddef>
 #include <utility>
 
+#include "memory.hpp"
+
 namespace magat_expert {
 
 Ecbs::Ecbs(const Grid& grid, std::vector<int> starts, std::vector<int> goals, double w, Watch& watch)
@@ -16,16 +18,36 @@ Ecbs::Ecbs(const Grid& grid, std::vector<int> starts, std::vector<int> goals, do
       bound_(w),
       watch_(watch),
       low_level_(grid, bound_, watch),
-      table_(grid.cells(), static_cast<int>(starts_.size())) {}
+      table_(grid.cells(), static_cast<int>(starts_.size()), grid.memory()),
+      distances_(grid.memory()),
+      root_paths_(grid.memory()),
+      store_(grid.memory()),
+      nodes_(grid.memory()),
+      by_lower_bound_(grid.memory()),
+      waiting_(grid.memory()),
+      focal_(grid.memory()) {}
 
 Solution Ecbs::solve(std::int64_t node_limit) {
-  Solution solution;
+  Solution solution(grid_.memory());
+  try {
+    solution.status = search(node_limit, solution);
+    solution.lower_bound = smallest_lower_bound();
+  } catch (const MemoryLimitReached&) {
+    solution.status = Solution::Status::kMemoryLimit;
+    solution.lower_bound = lower_bound_;  // OPEN may lack a node whose insertion failed
+    solution.paths.clear();
+    solution.cost = 0;
+  }
+  solution.low_level_expansions = low_level_.expansions();
+  return solution;
+}
+
+Solution::Status Ecbs::search(std::int64_t node_limit, Solution& solution) {
   const auto halted = [this] {
     return watch_.halt() == Halt::kStopped ? Solution::Status::kStopped : Solution::Status::kTimedOut;
   };
   if (!make_root()) {
-    finish(halted(), solution);
-    return solution;
+    return halted();
   }
   int index = 0;
   while (pop(index)) {
@@ -37,27 +59,17 @@ Solution Ecbs::solve(std::int64_t node_limit) {
         const Path path = table_.path(static_cast<int>(robot));
         solution.paths.emplace_back(path.cells, path.cells + path.length);
       }
-      finish(Solution::Status::kSolved, solution);
-      return solution;
+      return Solution::Status::kSolved;
     }
     if (node_limit >= 0 && solution.high_level_expansions >= node_limit) {
-      finish(Solution::Status::kNodeLimit, solution);
-      return solution;
+      return Solution::Status::kNodeLimit;
     }
     ++solution.high_level_expansions;
     if (watch_.expired() || !expand(index)) {
-      finish(halted(), solution);
-      return solution;
+      return halted();
     }
   }
-  finish(Solution::Status::kNoSolution, solution);
-  return solution;
-}
-
-void Ecbs::finish(Solution::Status status, Solution& solution) {
-  solution.status = status;
-  solution.lower_bound = smallest_lower_bound();
-  solution.low_level_expansions = low_level_.expansions();
+  return Solution::Status::kNoSolution;
 }
 
 // Robots plan one after another and avoid the paths of the earlier ones.
@@ -66,6 +78,7 @@ bool Ecbs::make_root() {
   distances_.resize(robots);
   root_paths_.resize(robots);
   root_lower_bounds_.resize(robots);
+  const std::pmr::vector<Constraint> unconstrained;
   Node root;
   for (std::size_t i = 0; i < robots; ++i) {
     if (watch_.expired()) {
@@ -73,7 +86,7 @@ bool Ecbs::make_root() {
     }
     const int robot = static_cast<int>(i);
     distances_[i] = grid_.distances_to(goals_[i]);
-    const LowLevel::Result result = low_level_.search(starts_[i], goals_[i], distances_[i], {}, table_);
+    const LowLevel::Result result = low_level_.search(starts_[i], goals_[i], distances_[i], unconstrained, table_);
     if (result.outcome != LowLevel::Outcome::kFound) {
       return false;
     }
@@ -117,6 +130,7 @@ bool Ecbs::pop(int& index) {
   if (by_lower_bound_.empty()) {
     return false;
   }
+  lower_bound_ = lower_bound;
   focal_limit_ = bound_(lower_bound);
   while (!waiting_.empty() && waiting_.top().key <= focal_limit_) {
     const int node = waiting_.top().node;
@@ -173,7 +187,7 @@ bool Ecbs::expand(int index) {
 // Re-plans for one robot of the loaded node. The child's path is empty if there is none; false: halted.
 bool Ecbs::replan(int parent, int robot, const Constraint& constraint, Node& child) {
   const Node& node = nodes_[parent];
-  std::vector<Constraint> constraints = constraints_of(parent, robot);
+  std::pmr::vector<Constraint> constraints = constraints_of(parent, robot);
   constraints.push_back(constraint);
   const Path old_path = table_.path(robot);
   table_.remove(robot);
@@ -229,8 +243,8 @@ void Ecbs::load(int index) {
   loaded_ = index;
 }
 
-std::vector<Constraint> Ecbs::constraints_of(int index, int robot) const {
-  std::vector<Constraint> constraints;
+std::pmr::vector<Constraint> Ecbs::constraints_of(int index, int robot) const {
+  std::pmr::vector<Constraint> constraints(grid_.memory());
   for (int node = index; node >= 0; node = nodes_[node].parent) {
     if (nodes_[node].constrained && nodes_[node].robot == robot) {
       constraints.push_back(nodes_[node].constraint);

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <memory_resource>
 #include <queue>
 #include <vector>
 
@@ -55,17 +56,17 @@ class Ecbs {
       return second != other.second ? second > other.second : node < other.node;
     }
   };
-  using Queue = std::priority_queue<Entry, std::vector<Entry>, std::greater<Entry>>;
+  using Queue = std::priority_queue<Entry, std::pmr::vector<Entry>, std::greater<Entry>>;
 
+  Solution::Status search(std::int64_t node_limit, Solution& solution);
   bool make_root();
   void push(const Node& node);
   bool pop(int& index);
   bool expand(int index);
   bool replan(int parent, int robot, const Constraint& constraint, Node& child);
   void load(int index);
-  std::vector<Constraint> constraints_of(int index, int robot) const;
+  std::pmr::vector<Constraint> constraints_of(int index, int robot) const;
   std::int64_t smallest_lower_bound();
-  void finish(Solution::Status status, Solution& solution);
 
   const Grid& grid_;
   std::vector<int> starts_;
@@ -74,17 +75,18 @@ class Ecbs {
   Watch& watch_;
   LowLevel low_level_;
   PathTable table_;
-  std::vector<std::vector<std::int32_t>> distances_;  // [robot][cell]
-  std::vector<Path> root_paths_;
+  std::pmr::vector<std::pmr::vector<std::int32_t>> distances_;  // [robot][cell]
+  std::pmr::vector<Path> root_paths_;
   std::vector<int> root_lower_bounds_;
   std::vector<int> lower_bounds_;  // [robot], of the node that is loaded
   int loaded_ = -1;
   PathStore store_;
-  std::deque<Node> nodes_;
+  std::pmr::deque<Node> nodes_;
   Queue by_lower_bound_;  // OPEN, with closed nodes still to be dropped from the top
   Queue waiting_;         // OPEN without the focal list, by cost
   Queue focal_;           // by conflicts
   std::int64_t focal_limit_ = -1;
+  std::int64_t lower_bound_ = 0;  // when a node was last popped
 };
 
 }  // namespace magat_expert

@@ -16,21 +16,22 @@ struct Component {
   int degrees = 0;  // sum over the cells: twice the number of neighbouring pairs
   int largest_degree = 0;
   int loose_end = -1;  // a cell with at most one neighbour
-  std::vector<int> robots;
+  std::pmr::vector<int> robots;
 
+  explicit Component(std::pmr::memory_resource* memory) : robots(memory) {}
   bool acyclic() const { return degrees == 2 * (cells - 1); }
   bool corridor() const { return acyclic() && largest_degree <= 2; }
 };
 
-std::vector<Component> components_of(const Grid& grid, const std::vector<int>& starts) {
-  const std::vector<std::int32_t> labels = grid.components();
-  std::vector<Component> components;
+std::pmr::vector<Component> components_of(const Grid& grid, const std::vector<int>& starts) {
+  const std::pmr::vector<std::int32_t> labels = grid.components();
+  std::pmr::vector<Component> components(grid.memory());
   for (int cell = 0; cell < grid.cells(); ++cell) {
     if (grid.blocked(cell)) {
       continue;
     }
     if (labels[cell] >= static_cast<int>(components.size())) {
-      components.resize(labels[cell] + 1);
+      components.emplace_back(grid.memory());
     }
     const auto free = [&](int move) { return !grid.blocked(cell + move); };
     const int degree = static_cast<int>(std::count_if(grid.moves().begin(), grid.moves().end(), free));
@@ -50,8 +51,8 @@ std::vector<Component> components_of(const Grid& grid, const std::vector<int>& s
 
 bool would_pass_each_other(const Grid& grid, const Component& corridor, const std::vector<int>& starts,
                            const std::vector<int>& goals) {
-  const std::vector<std::int32_t> place = grid.distances_to(corridor.loose_end);
-  std::vector<int> order = corridor.robots;
+  const std::pmr::vector<std::int32_t> place = grid.distances_to(corridor.loose_end);
+  std::pmr::vector<int> order(corridor.robots, grid.memory());
   std::sort(order.begin(), order.end(), [&](int a, int b) { return place[starts[a]] < place[starts[b]]; });
   return !std::is_sorted(order.begin(), order.end(), [&](int a, int b) { return place[goals[a]] < place[goals[b]]; });
 }

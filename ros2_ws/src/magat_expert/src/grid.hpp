@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <memory_resource>
 #include <vector>
 
 namespace magat_expert {
@@ -13,8 +14,11 @@ namespace magat_expert {
 /// and no search has to test for the border. A cell is an index into the padded map.
 class Grid {
  public:
-  /// `obstacles` holds width * height bytes, row y first; anything but 0 is an obstacle.
-  Grid(const std::uint8_t* obstacles, int width, int height);
+  /// `obstacles` holds width * height bytes, row y first; anything but 0 is an obstacle. All that a search stores comes
+  /// from `memory`.
+  Grid(const std::uint8_t* obstacles, int width, int height, std::pmr::memory_resource* memory);
+
+  std::pmr::memory_resource* memory() const { return blocked_.get_allocator().resource(); }
 
   int cells() const { return static_cast<int>(blocked_.size()); }
   int free_cells() const { return free_cells_; }
@@ -26,16 +30,16 @@ class Grid {
   /// Index offsets of the moves UP, DOWN, LEFT, RIGHT.
   const std::array<int, 4>& moves() const { return moves_; }
 
-  /// Steps from every cell to `goal`, robots ignored; -1 where there is no way (obstacles included).
-  std::vector<std::int32_t> distances_to(int goal) const;
+  /// Steps from every cell to `goal`, robots ignored; negative where there is no way, and on obstacles.
+  std::pmr::vector<std::int32_t> distances_to(int goal) const;
 
   /// Connected components of the free cells: a label from 0 for each free cell, -1 for an obstacle.
-  std::vector<std::int32_t> components() const;
+  std::pmr::vector<std::int32_t> components() const;
 
  private:
   int stride_;
   int free_cells_ = 0;
-  std::vector<std::uint8_t> blocked_;
+  std::pmr::vector<std::uint8_t> blocked_;
   std::array<int, 4> moves_;
 };
 

@@ -9,6 +9,7 @@
 #include <random>
 #include <utility>
 
+#include "memory.hpp"
 #include "shuffle.hpp"
 
 namespace magat_expert {
@@ -24,10 +25,32 @@ Hca::Hca(const Grid& grid, std::vector<int> starts, std::vector<int> goals, Watc
       starts_(std::move(starts)),
       goals_(std::move(goals)),
       watch_(watch),
-      table_(grid.cells(), static_cast<int>(starts_.size())) {}
+      table_(grid.cells(), static_cast<int>(starts_.size()), grid.memory()),
+      store_(grid.memory()),
+      distances_(grid.memory()),
+      nodes_(grid.memory()),
+      open_(grid.memory()),
+      node_at_(grid.memory()) {}
 
 Solution Hca::solve(std::int64_t orders, std::uint64_t seed) {
-  Solution solution;
+  Solution solution(grid_.memory());
+  solution.status = Solution::Status::kIncomplete;
+  try {
+    search_all(orders, seed, solution);
+  } catch (const MemoryLimitReached&) {
+    solution.status = Solution::Status::kMemoryLimit;
+    solution.paths.clear();
+    solution.cost = 0;
+  }
+  solution.low_level_expansions = expansions_;
+  if (solution.status == Solution::Status::kIncomplete && watch_.halt() != Halt::kNone) {
+    solution.status =
+        watch_.halt() == Halt::kStopped ? Solution::Status::kStopped : Solution::Status::kTimedOut;
+  }
+  return solution;
+}
+
+void Hca::search_all(std::int64_t orders, std::uint64_t seed, Solution& solution) {
   distances_.resize(starts_.size());
   for (std::size_t i = 0; i < starts_.size() && !watch_.expired(); ++i) {
     distances_[i] = grid_.distances_to(goals_[i]);
@@ -37,7 +60,6 @@ Solution Hca::solve(std::int64_t orders, std::uint64_t seed) {
   std::vector<int> order(starts_.size());
   std::iota(order.begin(), order.end(), 0);
   int failed = kNobody;
-  solution.status = Solution::Status::kIncomplete;
   while (solution.high_level_expansions < orders && !watch_.expired()) {
     if (failed != kNobody) {
       shuffle(order, generator);
@@ -52,15 +74,9 @@ Solution Hca::solve(std::int64_t orders, std::uint64_t seed) {
         solution.cost += path.arrival();
         solution.paths.emplace_back(path.cells, path.cells + path.length);
       }
-      break;
+      return;
     }
   }
-  solution.low_level_expansions = expansions_;
-  if (solution.status != Solution::Status::kSolved && watch_.halt() != Halt::kNone) {
-    solution.status =
-        watch_.halt() == Halt::kStopped ? Solution::Status::kStopped : Solution::Status::kTimedOut;
-  }
-  return solution;
 }
 
 // The first robot that found no path (or was halted on its search), kNobody if all found theirs.
@@ -81,17 +97,15 @@ int Hca::plan_all(const std::vector<int>& order) {
 Hca::Outcome Hca::search(int robot) {
   nodes_.clear();
   open_.clear();
+  node_at_.clear();
   earliest_arrival_ = earliest_arrival(goals_[robot]);
-  if (node_at_.size() < static_cast<std::size_t>(table_.layers()) + 1) {
-    node_at_.resize(table_.layers() + 1);
-  }
   generate(robot, starts_[robot], 0, -1);
   while (!open_.empty()) {
     const Entry best = open_.front();
     std::pop_heap(open_.begin(), open_.end());
     open_.pop_back();
     const Node node = nodes_[best.node];
-    if (node_at_[std::min(node.time, table_.layers())][node.cell] != best.node) {
+    if (node_at_.find(node.cell, std::min(node.time, table_.layers())) != best.node) {
       continue;  // an earlier way to this cell was found after the entry was made
     }
     if (node.cell == goals_[robot] && node.time >= earliest_arrival_) {
@@ -116,16 +130,9 @@ Hca::Outcome Hca::search(int robot) {
 }
 
 void Hca::generate(int robot, int cell, int time, int parent) {
-  const int layer = std::min(time, table_.layers());
-  if (node_at_[layer].empty()) {
-    node_at_[layer].assign(grid_.cells(), 0);
-  }
-  std::int32_t& entry = node_at_[layer][cell];
-  if (entry < static_cast<std::int32_t>(nodes_.size())) {
-    const Node& known = nodes_[entry];
-    if (known.cell == cell && std::min(known.time, table_.layers()) == layer && known.time <= time) {
-      return;
-    }
+  std::int32_t& entry = node_at_.at(cell, std::min(time, table_.layers()));
+  if (entry != node_at_.kNone && nodes_[entry].time <= time) {
+    return;
   }
   entry = static_cast<std::int32_t>(nodes_.size());
   nodes_.push_back({cell, time, parent});

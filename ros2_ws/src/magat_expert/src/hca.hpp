@@ -4,12 +4,14 @@
 #pragma once
 
 #include <cstdint>
+#include <memory_resource>
 #include <vector>
 
 #include "grid.hpp"
 #include "path_store.hpp"
 #include "path_table.hpp"
 #include "solution.hpp"
+#include "space_time_table.hpp"
 #include "types.hpp"
 
 namespace magat_expert {
@@ -46,6 +48,7 @@ class Hca {
     }
   };
 
+  void search_all(std::int64_t orders, std::uint64_t seed, Solution& solution);
   int plan_all(const std::vector<int>& order);
   Outcome search(int robot);
   void generate(int robot, int cell, int time, int parent);
@@ -58,17 +61,14 @@ class Hca {
   Watch& watch_;
   PathTable table_;  // the reservations
   PathStore store_;
-  std::vector<std::vector<std::int32_t>> distances_;  // [robot][cell]
+  std::pmr::vector<std::pmr::vector<std::int32_t>> distances_;  // [robot][cell]
   std::int64_t expansions_ = 0;
 
   // Of the current search.
   int earliest_arrival_ = 0;
-  std::vector<Node> nodes_;
-  std::vector<Entry> open_;
-
-  // [time][cell]: the best node made for it. Once all others rest, one layer serves all later times. Never cleared: an
-  // entry is valid only if the node that it refers to is of this search and has this time and cell.
-  std::vector<std::vector<std::int32_t>> node_at_;
+  std::pmr::vector<Node> nodes_;
+  std::pmr::vector<Entry> open_;
+  SpaceTimeTable<8> node_at_;  // the best node for a cell and a time; once all others rest, one for all later times
 };
 
 }  // namespace magat_expert

@@ -17,10 +17,22 @@ constexpr int kFocalSlack = 10;
 
 }  // namespace
 
-LowLevel::LowLevel(const Grid& grid, Bound bound, Watch& watch) : grid_(grid), bound_(bound), watch_(watch) {}
+LowLevel::LowLevel(const Grid& grid, Bound bound, Watch& watch)
+    : grid_(grid),
+      bound_(bound),
+      watch_(watch),
+      nodes_(grid.memory()),
+      path_(grid.memory()),
+      focal_(grid.memory()),
+      open_by_f_(grid.memory()),
+      waiting_(grid.memory()),
+      visits_from_(grid.memory()),
+      constraints_(grid.memory()),
+      constraints_begin_(grid.memory()),
+      node_at_(grid.memory()) {}
 
-LowLevel::Result LowLevel::search(int start, int goal, const std::vector<std::int32_t>& distance,
-                                  const std::vector<Constraint>& constraints, const PathTable& others) {
+LowLevel::Result LowLevel::search(int start, int goal, const std::pmr::vector<std::int32_t>& distance,
+                                  const std::pmr::vector<Constraint>& constraints, const PathTable& others) {
   Result result;
   distance_ = &distance;
   prepare(goal, constraints, others, distance[start]);
@@ -50,10 +62,11 @@ LowLevel::Result LowLevel::search(int start, int goal, const std::vector<std::in
   return result;
 }
 
-void LowLevel::prepare(int goal, const std::vector<Constraint>& constraints, const PathTable& others,
+void LowLevel::prepare(int goal, const std::pmr::vector<Constraint>& constraints, const PathTable& others,
                        int start_distance) {
   goal_ = goal;
   nodes_.clear();
+  node_at_.clear();
   focal_.clear();
   std::fill(open_by_f_.begin(), open_by_f_.end(), 0);
   for (auto& bucket : waiting_) {
@@ -110,25 +123,17 @@ void LowLevel::generate(int cell, int time, int parent, int conflicts) {
   if (arrived(cell, time) && time + 1 < static_cast<int>(visits_from_.size())) {
     conflicts += visits_from_[time + 1];  // later visitors collide with the robot at rest
   }
-  if (time >= static_cast<int>(node_at_.size())) {
-    node_at_.resize(time + 1);
-  }
-  if (node_at_[time].empty()) {
-    node_at_[time].assign(grid_.cells(), 0);
-  }
-  std::int32_t& entry = node_at_[time][cell];
-  if (entry < static_cast<std::int32_t>(nodes_.size())) {
+  std::int32_t& entry = node_at_.at(cell, time);
+  if (entry != node_at_.kNone) {
     Node& known = nodes_[entry];
-    if (known.cell == cell && known.time == time) {
-      if (!known.closed && conflicts < known.conflicts) {
-        known.conflicts = conflicts;
-        known.parent = parent;
-        if (known.f <= focal_limit_) {
-          push_focal(entry);
-        }
+    if (!known.closed && conflicts < known.conflicts) {
+      known.conflicts = conflicts;
+      known.parent = parent;
+      if (known.f <= focal_limit_) {
+        push_focal(entry);
       }
-      return;
     }
+    return;
   }
   entry = static_cast<std::int32_t>(nodes_.size());
   const int f = std::max(time + (*distance_)[cell], earliest_arrival_);

@@ -4,10 +4,12 @@
 #pragma once
 
 #include <cstdint>
+#include <memory_resource>
 #include <vector>
 
 #include "grid.hpp"
 #include "path_table.hpp"
+#include "space_time_table.hpp"
 #include "types.hpp"
 
 namespace magat_expert {
@@ -30,8 +32,8 @@ class LowLevel {
 
   /// A path from `start` to `goal` that satisfies `constraints`. `distance` is Grid::distances_to(goal); `others` holds
   /// the paths of the other robots only.
-  Result search(int start, int goal, const std::vector<std::int32_t>& distance,
-                const std::vector<Constraint>& constraints, const PathTable& others);
+  Result search(int start, int goal, const std::pmr::vector<std::int32_t>& distance,
+                const std::pmr::vector<Constraint>& constraints, const PathTable& others);
 
   std::int64_t expansions() const { return expansions_; }
 
@@ -53,7 +55,7 @@ class LowLevel {
     }
   };
 
-  void prepare(int goal, const std::vector<Constraint>& constraints, const PathTable& others, int start_distance);
+  void prepare(int goal, const std::pmr::vector<Constraint>& constraints, const PathTable& others, int start_distance);
   std::int64_t focal_limit(int lower_bound) const;
   bool allowed(int from, int to, int time) const;
   bool arrived(int cell, int time) const { return cell == goal_ && time >= earliest_arrival_; }
@@ -72,24 +74,21 @@ class LowLevel {
 
   // Of the current search.
   int goal_ = -1;
-  const std::vector<std::int32_t>* distance_ = nullptr;
+  const std::pmr::vector<std::int32_t>* distance_ = nullptr;
   int earliest_arrival_ = 0;  // one step after the last constraint that keeps the robot off its goal
   int horizon_ = 0;
   int lower_bound_ = 0;
   std::int64_t focal_limit_ = 0;
   std::int64_t open_nodes_ = 0;
-  std::vector<Node> nodes_;
-  std::vector<std::int32_t> path_;
-  std::vector<FocalEntry> focal_;
-  std::vector<std::int32_t> open_by_f_;             // [f]: how many nodes of OPEN have it
-  std::vector<std::vector<std::int32_t>> waiting_;  // [f]: nodes that are not in the focal list yet
-  std::vector<int> visits_from_;                    // [time]: visits of the goal by others at this time or later
-  std::vector<Constraint> constraints_;             // sorted by time
-  std::vector<std::int32_t> constraints_begin_;     // [time]: the first one at this time or later
-
-  // [time][cell]: the node made for it. Never cleared: an entry is valid only if the node that it refers to is of this
-  // search and has this time and cell.
-  std::vector<std::vector<std::int32_t>> node_at_;
+  std::pmr::vector<Node> nodes_;
+  std::pmr::vector<std::int32_t> path_;
+  std::pmr::vector<FocalEntry> focal_;
+  std::pmr::vector<std::int32_t> open_by_f_;                  // [f]: how many nodes of OPEN have it
+  std::pmr::vector<std::pmr::vector<std::int32_t>> waiting_;  // [f]: nodes that are not in the focal list yet
+  std::pmr::vector<int> visits_from_;                         // [time]: visits of the goal by others from then on
+  std::pmr::vector<Constraint> constraints_;                  // sorted by time
+  std::pmr::vector<std::int32_t> constraints_begin_;          // [time]: the first one at this time or later
+  SpaceTimeTable<8> node_at_;                                    // the node made for a cell and a time
 };
 
 }  // namespace magat_expert

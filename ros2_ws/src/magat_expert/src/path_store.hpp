@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <memory>
+#include <memory_resource>
 #include <vector>
 
 #include "types.hpp"
@@ -17,24 +17,21 @@ namespace magat_expert {
 /// second; freeing them one by one would delay the answer far beyond the time limit.
 class PathStore {
  public:
+  explicit PathStore(std::pmr::memory_resource* memory) : blocks_(memory) {}
+
   Path store(Path path) {
     const auto length = static_cast<std::size_t>(path.length);
-    if (blocks_.empty() || used_ + length > size_) {
-      size_ = std::max(length, kBlock);
-      blocks_.emplace_back(new std::int32_t[size_]);
-      used_ = 0;
+    if (blocks_.empty() || blocks_.back().capacity() - blocks_.back().size() < length) {
+      blocks_.emplace_back().reserve(std::max(length, kBlock));
     }
-    std::int32_t* cells = blocks_.back().get() + used_;
-    std::copy_n(path.cells, length, cells);
-    used_ += length;
-    return {cells, path.length};
+    auto& block = blocks_.back();
+    const auto cells = block.insert(block.end(), path.cells, path.cells + length);
+    return {&*cells, path.length};
   }
 
  private:
   static constexpr std::size_t kBlock = std::size_t{1} << 16;
-  std::vector<std::unique_ptr<std::int32_t[]>> blocks_;
-  std::size_t size_ = 0;  // of the last block
-  std::size_t used_ = 0;  // of the last block
+  std::pmr::vector<std::pmr::vector<std::int32_t>> blocks_;  // none grows beyond what it reserved
 };
 
 }  // namespace magat_expert

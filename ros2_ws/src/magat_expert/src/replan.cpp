@@ -9,6 +9,7 @@
 #include <random>
 #include <utility>
 
+#include "memory.hpp"
 #include "shuffle.hpp"
 
 namespace magat_expert {
@@ -18,19 +19,32 @@ Replan::Replan(const Grid& grid, std::vector<int> starts, std::vector<int> goals
       starts_(std::move(starts)),
       goals_(std::move(goals)),
       watch_(watch),
-      distances_(starts_.size()),
-      plans_(starts_.size()),
-      walked_(starts_.size()),
+      distances_(starts_.size(), grid.memory()),
+      plans_(starts_.size(), grid.memory()),
+      walked_(starts_.size(), grid.memory()),
       at_(starts_),
-      robot_at_(grid.cells(), -1),
+      robot_at_(grid.cells(), -1, grid.memory()),
       decided_(starts_.size(), 0),
-      claimed_(grid.cells(), 0),
-      seen_in_(grid.cells(), 0),
-      steps_to_(grid.cells(), 0),
-      came_from_(grid.cells(), -1) {}
+      claimed_(grid.cells(), 0, grid.memory()),
+      seen_in_(grid.cells(), 0, grid.memory()),
+      steps_to_(grid.cells(), 0, grid.memory()),
+      came_from_(grid.cells(), -1, grid.memory()),
+      open_(grid.memory()) {}
 
 Solution Replan::solve(std::int64_t max_steps, std::uint64_t seed) {
-  Solution solution;
+  Solution solution(grid_.memory());
+  try {
+    walk(max_steps, seed, solution);
+    finish(solution);
+  } catch (const MemoryLimitReached&) {
+    solution.status = Solution::Status::kMemoryLimit;
+  }
+  solution.high_level_expansions = replans_;
+  solution.low_level_expansions = expansions_;
+  return solution;
+}
+
+void Replan::walk(std::int64_t max_steps, std::uint64_t seed, Solution& solution) {
   std::int64_t longest = 0;
   bool going = true;
   for (std::size_t i = 0; i < starts_.size(); ++i) {
@@ -55,14 +69,9 @@ Solution Replan::solve(std::int64_t max_steps, std::uint64_t seed) {
     shuffle(order, generator);
     going = step(order, moved);
   }
-  finish(solution);
-  return solution;
 }
 
-void Replan::finish(Solution& solution) const {
-  solution.high_level_expansions = replans_;
-  solution.low_level_expansions = expansions_;
-  solution.paths = walked_;
+void Replan::finish(Solution& solution) {
   if (all_arrived()) {
     solution.status = Solution::Status::kSolved;
     for (std::size_t i = 0; i < starts_.size(); ++i) {
@@ -77,6 +86,7 @@ void Replan::finish(Solution& solution) const {
   } else {
     solution.status = Solution::Status::kIncomplete;
   }
+  solution.paths = std::move(walked_);
 }
 
 // One time step of all robots. False: halted, and no robot has moved.

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory_resource>
 #include <vector>
 
 #include "grid.hpp"
@@ -22,7 +23,7 @@ class Replan {
   Replan(const Grid& grid, std::vector<int> starts, std::vector<int> goals, Watch& watch);
 
   /// Ends when all robots are on their goals, when no robot can move, or after `max_steps` (< 0: 3 times the longest of
-  /// the shortest paths). With any status, the solution holds the paths up to then.
+  /// the shortest paths). The solution holds the paths up to then, unless the memory limit was reached.
   Solution solve(std::int64_t max_steps, std::uint64_t seed);
 
  private:
@@ -46,31 +47,32 @@ class Replan {
   bool in_the_way(int robot, int cell) const;
   Outcome search(int robot);
   bool all_arrived() const { return at_ == goals_; }
-  void finish(Solution& solution) const;
+  void walk(std::int64_t max_steps, std::uint64_t seed, Solution& solution);
+  void finish(Solution& solution);
 
   const Grid& grid_;
   std::vector<int> starts_;
   std::vector<int> goals_;
   Watch& watch_;
-  std::vector<std::vector<std::int32_t>> distances_;  // [robot][cell]
-  std::vector<std::vector<std::int32_t>> plans_;      // [robot]: the cells to come, the next one last
-  std::vector<std::vector<std::int32_t>> walked_;     // [robot][time]
-  std::vector<int> at_;                               // [robot]: its cell
-  std::vector<std::int32_t> robot_at_;                // [cell], -1: no robot
+  std::pmr::vector<std::pmr::vector<std::int32_t>> distances_;  // [robot][cell]
+  std::pmr::vector<std::pmr::vector<std::int32_t>> plans_;      // [robot]: the cells to come, the next one last
+  std::pmr::vector<std::pmr::vector<std::int32_t>> walked_;     // [robot][time]
+  std::vector<int> at_;                                         // [robot]: its cell
+  std::pmr::vector<std::int32_t> robot_at_;                     // [cell], -1: no robot
   std::int64_t replans_ = 0;
   std::int64_t expansions_ = 0;
 
   // Of the current time step. An entry is valid if it equals step_.
   int step_ = 0;
-  std::vector<int> decided_;  // [robot]
-  std::vector<int> claimed_;  // [cell]: a robot will be here after the step
+  std::vector<int> decided_;       // [robot]
+  std::pmr::vector<int> claimed_;  // [cell]: a robot will be here after the step
 
   // Of A*. An entry is valid if seen_in_ equals search_.
   int search_ = 0;
-  std::vector<int> seen_in_;
-  std::vector<std::int32_t> steps_to_;
-  std::vector<std::int32_t> came_from_;
-  std::vector<Entry> open_;
+  std::pmr::vector<int> seen_in_;
+  std::pmr::vector<std::int32_t> steps_to_;
+  std::pmr::vector<std::int32_t> came_from_;
+  std::pmr::vector<Entry> open_;
 };
 
 }  // namespace magat_expert

@@ -3,6 +3,7 @@
 
 """A single crew, step by step: what it waits for, what it can do without, and what it drops."""
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -136,7 +137,7 @@ def test_the_robots_of_a_crew_look_when_all_of_them_can(one_round: Policy) -> No
     assert (log.sent, log.crew.waiting) == ([], True)
     log.hear(0)
     assert not log.see(1)
-    assert [(robot, message.tag) for robot, message in log.sent] == [(0, 1000), (1, 1001), (2, 1002)]
+    assert sorted((robot, message.tag) for robot, message in log.sent) == [(0, 1000), (1, 1001), (2, 1002)]
     log.hear(1)
     assert log.decided() == {0: log.expected(0, [1]), 1: log.expected(1, []), 2: log.expected(2, [0])}
 
@@ -527,3 +528,17 @@ def test_a_flood_of_messages_drowns_none_that_can_be_heard(one_round: Policy) ->
     log.hear(1)
     assert log.decided() == {0: log.expected(0, [0, 1])}
     assert log.drops == 0
+
+
+def test_the_robots_of_a_crew_send_in_random_order(four_rounds: Policy) -> None:
+    """In a fixed order, the place of a message among those of its crew would link it to its sender, tick by tick."""
+    log = Log(four_rounds, 3)
+    for tick in range(30):
+        for robot in range(3):
+            log.see(robot, tick)
+    senders = [robot for robot, _ in log.sent]
+    orders = [tuple(senders[i : i + 3]) for i in range(0, len(senders), 3)]
+    assert len(orders) == 30 * 4
+    assert set(orders) == set(itertools.permutations(range(3)))
+    first = [order[0] for order in orders]
+    assert all(15 < first.count(robot) < 68 for robot in range(3))  # 40 on average, with a standard deviation of 5.2

@@ -8,6 +8,7 @@ from unittest import mock
 import pytest
 import rclpy
 from rclpy.parameter import Parameter
+from team_secret import SECRET
 
 from magat_bringup.environment import own_domain
 from magat_interfaces.action import RunEpisode
@@ -179,3 +180,52 @@ def test_the_expert_is_asked_with_the_bound_of_the_goal(simulator, given, asked)
     (request,) = node._solve.call_async.call_args.args
     assert request.w == asked
     assert len(request.start_x) == len(NAMES)
+
+
+def begin(simulator, **fields):
+    """The goal of an episode, for which all robots are there and the expert is asked."""
+    node, _ = simulator
+    node._server.state = Idle()
+    for member in node._team.members:
+        member.join()
+    node._solve = mock.Mock()
+    running = mock.Mock(request=RunEpisode.Goal(seed=1, width=5, height=5, **fields), cancel_requested=False)
+    node._begin(running)
+    return running
+
+
+def test_the_streams_of_an_episode_follow_from_the_secret_of_its_goal(simulator):
+    begin(simulator, secret=SECRET)
+    assert simulator[0]._server.state.gathered.request.secret == SECRET
+
+
+def test_a_goal_without_a_secret_gets_a_new_one_each_time(simulator):
+    drawn = set()
+    for _ in range(3):
+        begin(simulator)
+        drawn.add(simulator[0]._server.state.gathered.request.secret)
+    assert len(drawn) == 3
+    assert {len(secret) for secret in drawn} == {32}
+
+
+@pytest.mark.parametrize("length", [1, 31, 33])
+def test_a_secret_of_another_length_is_refused(simulator, length):
+    running = begin(simulator, secret=bytes(length))
+    (result,) = running.abort.call_args.args
+    assert result.error == f"the secret has {length} bytes: give 32, or none, to have one drawn"
+    assert isinstance(simulator[0]._server.state, Idle)
+
+
+def test_hellos_go_out_in_random_order(simulator):
+    node, _ = simulator
+    orders, sent = set(), []
+    for robot in range(len(NAMES)):
+        node._send[robot] = mock.Mock(publish=lambda _, robot=robot: sent.append(robot))
+    for member in node._team.members:
+        member.leave()
+    for _ in range(100):
+        sent.clear()
+        node._on_beat()
+        orders.add(tuple(sent))
+    assert all(sorted(order) == [0, 1, 2, 3] for order in orders)
+    assert len(orders) > 12  # of 24; the chance of 12 or fewer is below one in a million million

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from magat_sim.case import InvalidCaseError, draw_case
+from magat_sim.case import draw_case
 from magat_sim.movingai import MovingAIError, read_case, read_map, write_case, write_map
 
 MAP = """type octile
@@ -137,6 +137,25 @@ def test_too_few_robots_are_refused(files, scenario, robots):
         read_case(*files(scenario=scenario), robots)
 
 
-def test_an_unreachable_goal_is_refused(files):
-    with pytest.raises(InvalidCaseError, match="robot 0"):
+def test_an_unreachable_goal_is_named_as_in_the_file(files):
+    said = r"a\.scen:2: the goal \(3, 2\) cannot be reached from the start \(0, 0\), y down from the top"
+    with pytest.raises(MovingAIError, match=said):
         read_case(*files(MAP.replace("..GS", "@@@@")), robots=1)
+
+
+@pytest.mark.parametrize(
+    ("text", "scenario"),
+    [
+        (MAP.replace("type octile\n", ""), SCENARIO),
+        (MAP.replace("type octile", "type"), SCENARIO),
+        ("\ufeff" + MAP, "\ufeff" + SCENARIO),
+        (MAP.replace("\n", "\t\n"), SCENARIO.replace("\n", "\t\n")),
+        (MAP.replace("height 3", "height\t3").replace("\n", " \r\n"), SCENARIO.replace("\n", "\r\n")),
+    ],
+    ids=["no type", "an empty type", "byte order marks", "trailing tabs", "tabs in the header and CRLF"],
+)
+def test_what_nobody_uses_is_not_needed(files, text, scenario):
+    expected, found = read_case(*files()), read_case(*files(text, scenario))
+    assert np.array_equal(found.obstacles, expected.obstacles)
+    assert np.array_equal(found.starts, expected.starts)
+    assert np.array_equal(found.goals, expected.goals)

@@ -14,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from scipy import sparse
+from scipy import ndimage, sparse
 from scipy.sparse.csgraph import dijkstra
 
 from magat_sim.case import Case, InvalidCaseError, make_case
-from magat_sim.grid import BoolArray
+from magat_sim.grid import BoolArray, IntArray
 
 #: Terrain that a robot can enter: ground, and the swamp of the games' maps.
 _FREE = ".GS"
@@ -44,21 +44,18 @@ def read_map(path: Path) -> BoolArray:
     """
     lines = _lines(path)
     sizes = dict.fromkeys(("height", "width"), 0)
-    kind = ""
     for number, line in lines:
-        word, _, value = line.partition(" ")
+        word, *values = line.split(maxsplit=1)
         if word == "map":
             break
-        if word == "type":
-            kind = value
-        elif word in sizes:
-            sizes[word] = _whole(path, number, value.strip(), word, 1)
-        else:
+        if word in sizes:
+            sizes[word] = _whole(path, number, "".join(values), word, 1)
+        elif word != "type":  # nobody uses its value, and some files lack it
             raise MovingAIError(f"{path}:{number}: {line!r} is not a line of a map's header: type, height, width, map")
     else:
         raise MovingAIError(f"{path}: there is no line 'map' before the rows")
-    if not kind or 0 in sizes.values():
-        raise MovingAIError(f"{path}:{number}: the header lacks type, height or width before 'map'")
+    if 0 in sizes.values():
+        raise MovingAIError(f"{path}:{number}: the header lacks height or width before 'map'")
     return _rows(path, lines, sizes["width"], sizes["height"])
 
 
@@ -105,12 +102,13 @@ def read_case(map_path: Path, scenario_path: Path, robots: int | None = None) ->
     number, head = next(lines, (1, ""))
     if head.split() not in (["version", "1"], ["version", "1.0"]):
         raise MovingAIError(f"{scenario_path}:{number}: {head!r} instead of 'version 1'")
+    regions, _ = ndimage.label(~obstacles)
     cells: list[tuple[int, int, int, int]] = []
     seen: dict[tuple[str, int, int], int] = {}
     for number, line in lines:
         if robots is not None and len(cells) == robots:
             break
-        cells.append(_robot(scenario_path, number, line, obstacles, seen))
+        cells.append(_robot(scenario_path, number, line, regions, seen))
     if not cells or len(cells) < (robots or 0):
         raise MovingAIError(f"{scenario_path}: it has {len(cells)} robots, but {robots or 1} are needed")
     table = np.array(cells)
@@ -121,9 +119,13 @@ def read_case(map_path: Path, scenario_path: Path, robots: int | None = None) ->
 
 
 def _robot(
-    path: Path, number: int, line: str, obstacles: BoolArray, seen: dict[tuple[str, int, int], int]
+    path: Path, number: int, line: str, regions: IntArray, seen: dict[tuple[str, int, int], int]
 ) -> tuple[int, int, int, int]:
-    """Start and goal, y up, of one line. ``seen`` holds the lines that took a start or a goal."""
+    """Start and goal, y up, of one line.
+
+    ``regions`` (``[H, W]``) numbers the connected parts of the map, 0 on obstacles. ``seen`` holds the lines that took
+    a start or a goal.
+    """
     values = line.split("\t") if "\t" in line else line.split()
     if len(values) != len(_COLUMNS):
         raise MovingAIError(
@@ -132,21 +134,27 @@ def _robot(
     width, height, *cells = (
         _whole(path, number, value.strip(), name) for name, value in zip(_COLUMNS[2:8], values[2:8], strict=True)
     )
-    if (height, width) != obstacles.shape:
+    if (height, width) != regions.shape:
         raise MovingAIError(
             f"{path}:{number}: the scenario is for {width}x{height} cells, but the map has "
-            f"{obstacles.shape[1]}x{obstacles.shape[0]}"
+            f"{regions.shape[1]}x{regions.shape[0]}"
         )
     for name, (x, y) in (("start", cells[:2]), ("goal", cells[2:])):
         where = f"{path}:{number}: the {name} ({x}, {y}), y down from the top,"
         if x >= width or y >= height:
             raise MovingAIError(f"{where} lies outside the {width}x{height} map")
-        if obstacles[height - 1 - y, x]:
+        if regions[height - 1 - y, x] == 0:
             raise MovingAIError(f"{where} is an obstacle")
         other = seen.setdefault((name, x, y), number)
         if other != number:
             raise MovingAIError(f"{where} is also that of line {other}: {name}s must differ")
-    return cells[0], height - 1 - cells[1], cells[2], height - 1 - cells[3]
+    ends = cells[0], height - 1 - cells[1], cells[2], height - 1 - cells[3]
+    if regions[ends[1], ends[0]] != regions[ends[3], ends[2]]:
+        raise MovingAIError(
+            f"{path}:{number}: the goal ({cells[2]}, {cells[3]}) cannot be reached from the start ({cells[0]}, "
+            f"{cells[1]}), y down from the top: obstacles lie between them"
+        )
+    return ends
 
 
 def write_case(case: Case, map_path: Path, scenario_path: Path) -> None:
@@ -181,9 +189,10 @@ def _lengths(case: Case) -> list[int]:
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
     """The non-blank lines of a file, with their numbers from 1."""
-    for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
+    # utf-8-sig drops a byte order mark, which some editors write.
+    for number, line in enumerate(path.read_text(encoding="utf-8-sig", errors="replace").splitlines(), 1):
         if line.strip():
-            yield number, line.strip("\r\n ")
+            yield number, line.strip()
 
 
 def _whole(path: Path, number: int, text: str, name: str, at_least: int = 0) -> int:

@@ -27,6 +27,7 @@ from magat_interfaces.action import RunEpisode
 from magat_node.errors import TeamError
 from magat_node.progress import progress_bars
 from magat_robot.policy.backends import load_policy
+from magat_sim.streams import SECRET_BYTES
 from magat_viewer.address import HOST as PAGE_HOST
 from magat_viewer.address import free_port
 from magat_viewer.follower import Follower
@@ -154,6 +155,8 @@ class _Timed:
         goal = RunEpisode.Goal(seed=SET_SEED, number=number, width=side, height=side)
         # Long enough for most episodes; robots with the backend echo walk at random and do not finish.
         goal.density, goal.t_max = 0.1, 4 * side
+        # Always the same, so that all teams of one size walk the same paths.
+        goal.secret = bytes(SECRET_BYTES)
 
         def note(feedback: RunEpisode.Feedback) -> None:
             self._startup = self._startup or (time.monotonic() - self._started if feedback.t_max else 0.0)

@@ -13,8 +13,9 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from magat_robot.policy.interface import Decision, LatentState
 from magat_robot.policy.network import NodeState
-from magat_robot.policy.policy import Decision, LatentState, Policy
+from magat_robot.policy.policy import Policy
 from magat_sim.simulator import Observation
 
 seeds = st.integers(0, 2**32 - 1)
@@ -58,6 +59,7 @@ def reordered(observation: Observation, order: np.ndarray) -> Observation:
         new_number[observation.heard[order]],
         observation.streams[order],
         observation.tick,
+        observation.moved[order],
     )
 
 

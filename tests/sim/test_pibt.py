@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from magat_robot.policy.visit_memory import NO_CELL
 from magat_sim.case import Case
 from magat_sim.grid import DELTAS, Primitive
 from magat_sim.shield import (
     MEMORY,
-    NO_CELL,
     NO_ROBOT,
     RETURN_PENALTY,
     SHIELDS,
@@ -168,40 +168,61 @@ def test_what_counts_as_a_return(monkeypatch: pytest.MonkeyPatch) -> None:
     scenes = Scenes()
     monkeypatch.setitem(SHIELDS, "pibt", scenes)
     simulator = line([(1, 0), (4, 0)], [(3, 0), (4, 0)], height=2)
-    for primitive in (IDLE, RIGHT, LEFT, RIGHT, RIGHT, LEFT, IDLE):
+    for primitive in (IDLE, RIGHT, LEFT, RIGHT, LEFT, IDLE, RIGHT, RIGHT, LEFT, IDLE):
         simulator.step([primitive, UP if simulator.tick == 0 else IDLE])
     returns = [scene.returns[0].tolist() for scene in scenes]
-    # To idle, up, down, left, right. It stands at x = 1, 1, 2, 1, 2, its goal, 2.
-    assert returns[:5] == [[0, 0, 0, 0, 0], [1, 0, 0, 0, 0], [0, 0, 0, 1, 0], [2, 0, 0, 0, 0], [1, 0, 0, 2, 0]]
-    assert returns[5:] == [[0, 0, 0, 0, 0], [0, 0, 0, 0, 0]], "it has been on its goal"
+    # To idle, up, down, left, right. It stands at x = 1, 1, 2, 1, 2, 1, 1, 2, its goal, 2.
+    assert returns[:4] == [[0, 0, 0, 0, 0]] * 4, "waiting is no visit, and the first visit of a cell is no return"
+    assert returns[4:7] == [[MEMORY, 0, 0, 1, 0], [0, 0, 0, 0, 1], [MEMORY, 0, 0, 0, 1]], "it has come back once, twice"
+    assert returns[7] == [0, 0, 0, 2, 0]
+    assert returns[8:] == [[0, 0, 0, 0, 0]] * 2, "it has been on its goal"
 
 
-def test_returns_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_oldest_visits_are_forgotten_and_waiting_forgets_none(monkeypatch: pytest.MonkeyPatch) -> None:
     scenes = Scenes()
     monkeypatch.setitem(SHIELDS, "pibt", scenes)
-    case = Case(np.zeros((1, 9), dtype=bool), np.array([(0, 0)]), np.array([(8, 0)]))
-    simulator = Simulator([case], [2 * MEMORY], [episode_streams(1, 0, 1)], PIBT)
-    for primitive in (RIGHT, LEFT, RIGHT, *[IDLE] * (MEMORY + 2)):
+    case = Case(np.zeros((2, 9), dtype=bool), np.array([(0, 0)]), np.array([(8, 0)]))
+    simulator = Simulator([case], [3 * MEMORY], [episode_streams(1, 0, 1)], PIBT)
+    # Three visits of the start, then it goes up and down beside it.
+    for primitive in (RIGHT, LEFT, RIGHT, LEFT, RIGHT, *[IDLE] * MEMORY, *[UP, DOWN] * (MEMORY // 2), IDLE):
         simulator.step([primitive])
     left = [int(scene.returns[0, LEFT]) for scene in scenes]
-    assert [left[3], left[MEMORY - 1], left[MEMORY]] == [1, 1, 0]
-    assert max(int(scene.returns[0, IDLE]) for scene in scenes) == MEMORY - 1
+    assert left[5 : 5 + MEMORY] == [2] * MEMORY
+    assert left[-1] == 0
 
 
-def test_with_memory_a_robot_leaves_a_pocket_that_it_would_go_to_and_fro_in() -> None:
-    obstacles = np.zeros((5, 7), dtype=bool)
-    obstacles[1:4, 4] = obstacles[[1, 3], 3] = True  # open to the left
+def test_a_robot_that_waits_is_not_pushed() -> None:
+    case = Case(np.zeros((5, 5), dtype=bool), np.array([(1, 2)]), np.array([(4, 2)]))
+    simulator = Simulator([case], [50], [episode_streams(1, 0, 1)], Rules(shield="pibt-memory"))
+    for primitive in (RIGHT, LEFT, RIGHT, LEFT):  # where it has been before, too
+        simulator.step(Actions([primitive], [np.where(np.arange(5) == primitive, -0.1, -9.0)]))
+    while not simulator.done:
+        step = simulator.step(Actions([IDLE], [np.log([0.8, 0.05, 0.05, 0.05, 0.05])]))
+        assert step.moved.tolist() == [IDLE]
+
+
+@pytest.mark.parametrize(("depth", "half"), [(1, 1), (3, 1), (2, 2)])
+@pytest.mark.parametrize("pull", [1, 3])
+def test_with_memory_a_robot_leaves_a_pocket_that_it_would_go_to_and_fro_in(depth: int, half: int, pull: float) -> None:
+    middle = half + 1
+    obstacles = np.zeros((2 * half + 3, 8), dtype=bool)
+    obstacles[1:-1, 5] = obstacles[[1, -2], 5 - depth : 5] = True  # open to the left
     ticks = {}
     for shield in ("pibt", "pibt-memory"):
-        case = Case(obstacles, np.array([(0, 2)]), np.array([(6, 2)]))
-        simulator = Simulator([case], [60], [episode_streams(1, 0, 1)], Rules(shield=shield))
+        case = Case(obstacles, np.array([(0, middle)]), np.array([(7, middle)]))
+        simulator = Simulator([case], [150], [episode_streams(1, 0, 1)], Rules(shield=shield))
+        rng = np.random.default_rng(1)
         while not simulator.done:
-            distance = np.abs(simulator.position[0] + DELTAS - simulator.goal[0]).sum(axis=1)
-            log_probabilities = -distance - 0.1 * (np.arange(5) == IDLE)
-            simulator.step(Actions([int(log_probabilities.argmax())], [log_probabilities]))
+            x, y = (simulator.position[0] + DELTAS).T
+            weights = np.exp(-pull * np.abs(np.stack([x, y], axis=1) - simulator.goal[0]).sum(axis=1))
+            weights *= np.where(np.arange(5) == IDLE, 0.2, 1.0)
+            # It sees the obstacles around it.
+            weights *= np.where(np.pad(obstacles, 1, constant_values=True)[y + 1, x + 1], 1e-6, 1.0)
+            weights /= weights.sum()
+            simulator.step(Actions([rng.choice(5, p=weights)], [np.log(weights)]))
         ticks[shield] = simulator.tick
-    assert ticks["pibt"] == 60
-    assert ticks["pibt-memory"] < 30
+    assert ticks["pibt"] == 150
+    assert ticks["pibt-memory"] < 120
 
 
 @settings(max_examples=60)

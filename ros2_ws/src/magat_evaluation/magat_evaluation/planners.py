@@ -13,6 +13,7 @@ from magat_evaluation.cases import SolvedCase
 from magat_evaluation.splits import SET_SEED
 from magat_robot.policy.computed import ComputedPolicy
 from magat_robot.policy.sampling import uniform
+from magat_robot.policy.visit_memory import VisitMemory
 from magat_sim.grid import DELTAS
 from magat_sim.measures import EpisodeMeasures
 from magat_sim.rollout import Decide, run
@@ -88,18 +89,25 @@ def run_policy(
     policy: ComputedPolicy, simulator: Simulator, on_step: Callable[[Simulator], None] | None = None
 ) -> None:
     """Step ``simulator`` to its end, every robot by ``policy``; ``on_step`` is called after each step."""
-    run(simulator, partial(_decide, policy), on_step)
+    run(simulator, _decide_by(policy, simulator), on_step)
 
 
-def _plan_by_policy(policy: ComputedPolicy, _: Sequence[SolvedCase], __: Simulator) -> Decide:
-    return partial(_decide, policy)
+def _plan_by_policy(policy: ComputedPolicy, _: Sequence[SolvedCase], simulator: Simulator) -> Decide:
+    return _decide_by(policy, simulator)
 
 
-def _decide(policy: ComputedPolicy, observation: Observation) -> Actions:
-    decision = policy.decide_together(
-        observation.field_of_view, observation.heard, observation.streams, observation.tick
-    )
-    return Actions(decision.primitives, decision.log_probabilities)
+def _decide_by(policy: ComputedPolicy, simulator: Simulator) -> Decide:
+    """The decisions of all robots in ``simulator``, which is at its start."""
+    memory = VisitMemory(len(simulator.world)) if policy.config.visit_memory else None
+
+    def decide(seen: Observation) -> Actions:
+        visits = None
+        if memory is not None:
+            visits = memory.observe(simulator.active, 0, seen.tick, seen.moved, seen.field_of_view)
+        decision = policy.decide_together(seen.field_of_view, seen.heard, seen.streams, seen.tick, visits)
+        return Actions(decision.primitives, decision.log_probabilities)
+
+    return decide
 
 
 def prefer_near(distances: npt.NDArray[np.floating], observation: Observation) -> Actions:

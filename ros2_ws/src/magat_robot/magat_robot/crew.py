@@ -18,8 +18,9 @@ import numpy.typing as npt
 from magat_node.unpredictable import shuffled
 from magat_robot.exchange import MOST_MESSAGES, Exchange
 from magat_robot.policy import payload
-from magat_robot.policy.config import OBSERVATION_SHAPE
+from magat_robot.policy.config import OBSERVATION_SHAPE, PRIMITIVES
 from magat_robot.policy.interface import Decision, LatentState, RobotPolicy
+from magat_robot.policy.visit_memory import VisitMemory
 
 _OBSERVATION_BYTES = int(np.prod(OBSERVATION_SHAPE))
 
@@ -38,6 +39,8 @@ class ReceivedObservation:
     audible_tags: frozenset[int]
     #: ``[3, 11, 11]`` of 0 and 1, as bytes.
     field_of_view: bytes
+    #: The primitive that the robot made in the step before.
+    moved: int = 0
 
 
 @dataclass(frozen=True)
@@ -102,6 +105,9 @@ class Crew:
         self._at: tuple[int, int] | None = None
         self._observations: dict[int, ReceivedObservation] = {}
         self._latent: LatentState | None = None  # rows: the robots in the order of _observations
+        # Without visit_memory nothing is remembered, because it would not be used.
+        self._memory = VisitMemory(robots) if config.visit_memory else None
+        self._visits: npt.NDArray[np.int64] | None = None  # rows as those of _latent
         self._round = 0
         self._audible: frozenset[int] = frozenset()  # tags that any of these robots can hear
         self._awaited: set[int] = set()  # missing tags; if relayed, robots without a bundle
@@ -118,6 +124,8 @@ class Crew:
             self.exchange.drop(f"an observation of {len(field_of_view)} numbers, not {OBSERVATION_SHAPE}")
         elif max(field_of_view) > 1:
             self.exchange.drop(f"an observation that holds {max(field_of_view)}, not only 0 and 1")
+        elif observation.moved >= PRIMITIVES:
+            self.exchange.drop(f"an observation with the primitive {observation.moved}, not 0 to {PRIMITIVES - 1}")
         elif len(observation.audible_tags) > MOST_MESSAGES:
             tags = len(observation.audible_tags)
             self.exchange.drop(f"an observation that announces {tags} messages, more than {MOST_MESSAGES}")
@@ -176,7 +184,12 @@ class Crew:
         started = time.monotonic()
         self._observations = dict(sorted(self._observations.items()))
         data = b"".join(observation.field_of_view for observation in self._observations.values())
-        self._latent = self._policy.perceive(np.frombuffer(data, dtype=np.uint8).reshape(-1, *OBSERVATION_SHAPE))
+        views = np.frombuffer(data, dtype=np.uint8).reshape(-1, *OBSERVATION_SHAPE)
+        self._latent = self._policy.perceive(views)
+        if self._memory is not None:
+            assert self._at is not None
+            moved = np.array([observation.moved for observation in self._observations.values()])
+            self._visits = self._memory.observe(np.array([*self._observations]), *self._at, moved, views)
         self._lost = np.zeros(len(self._observations), dtype=np.int64)
         self._audible = frozenset().union(*(observation.audible_tags for observation in self._observations.values()))
         self.exchange.listen(self._audible)
@@ -255,7 +268,7 @@ class Crew:
         started = time.monotonic()
         observations = list(self._observations.items())
         streams = np.array([observation.stream for _, observation in observations], dtype=np.uint64)
-        decision: Decision = self._policy.decide(self._latent, streams, observations[0][1].tick)
+        decision: Decision = self._policy.decide(self._latent, streams, observations[0][1].tick, self._visits)
         self.missing += int(self._lost.sum())
         self._observations, self._latent = {}, None
         share = (self._compute + time.monotonic() - started) / len(observations)

@@ -9,16 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from magat_robot.policy.visit_memory import count_visits
 from magat_sim.grid import BoolArray, IntArray, Primitive
 
 #: In place of a robot's index where there is none.
 NO_ROBOT = -1
-#: Memory of ``pibt-memory``, steps: long enough to leave large pockets.
+#: Memory of ``pibt-memory``, visits: long enough to leave large pockets.
 MEMORY = 256
 #: Subtracted from the log-probability of a primitive for each earlier visit of the cell that it leads to.
 RETURN_PENALTY = 2.0
-#: In place of a cell in a robot's trail.
-NO_CELL = -1
 # In place of cells that no robot may enter.
 _WALL = -1
 
@@ -46,16 +45,24 @@ class Scene:
     silent: BoolArray
     #: ``[R]`` steps since each robot was on its goal, or since the start.
     waited: IntArray
-    #: ``[R, MEMORY]`` the cells of each robot at the last instants, including now, in any order; `NO_CELL` for instants
-    #: before it was last on its goal, or before the start.
-    trail: IntArray
+    #: ``[R, MEMORY]`` int32, the cells of each robot's last visits, see `Trails`. A trail begins at the start, or when
+    #: the robot leaves its goal.
+    trail: npt.NDArray[np.integer]
     #: ``[R]`` random numbers, all different within a world; they resolve ties.
     draw: npt.NDArray[np.float64]
 
     @property
     def returns(self) -> IntArray:
-        """``[R, 5]`` how often each robot was in the cell that each primitive leads to, the first time not counted."""
-        return np.maximum((self.trail[:, None] == self.leads[:, :, None]).sum(axis=2) - 1, 0)
+        """``[R, 5]`` how often each robot entered the cell that each primitive leads to, the first time not counted.
+
+        Waiting is no visit, so IDLE is no return if it is sampled. If the sampled move is a return, IDLE counts as more
+        returns than any move. Otherwise the robot might wait for ever, because waiting does not change its trail.
+        """
+        counted = np.maximum(count_visits(self.trail, self.leads) - 1, 0)
+        counted[:, Primitive.IDLE] = 0
+        returning = counted[np.arange(len(counted)), self.actions] > 0
+        counted[returning, Primitive.IDLE] = self.trail.shape[1]
+        return counted
 
 
 #: Returns the primitives (``[R]`` int64) that the robots of a scene make. None leads to a collision.
@@ -96,10 +103,15 @@ def pibt_shield(scene: Scene) -> IntArray:
 
 
 def pibt_memory_shield(scene: Scene) -> IntArray:
-    """Like `pibt_shield`, but primitives that lead back to earlier cells are ranked lower.
+    """Like `pibt_shield`, but primitives that lead back to earlier cells are ranked lower: an exploration rule.
 
     A policy without memory may oscillate in a pocket of obstacles that is wider than its field of view until the
-    episode ends. (Korf's real-time search, AIJ 1990, leaves such pockets in the same way.)
+    episode ends. (Korf's real-time search, AIJ 1990, leaves such pockets in the same way.) Visits count, not instants:
+    a robot that waits is not pushed for it.
+
+    This is more than a shield. The memory is central, in the cells of the map, which no robot knows. And moves depend
+    on the past, while the paper's policy is time-invariant. The option `visit_memory` of a policy is the same rule in
+    the robot, see `magat_robot.policy.visit_memory`.
     """
     returns = np.where(scene.silent[:, None], 0, scene.returns)  # silent robots do not move
     return _pibt(scene, ranking(scene.actions, scene.log_probabilities, returns))
@@ -173,4 +185,4 @@ def blocked(actions: IntArray, moved: IntArray) -> BoolArray:
 SHIELDS: Mapping[str, Shield] = {"idle": idle_shield, "pibt": pibt_shield, "pibt-memory": pibt_memory_shield}
 #: Version of each shield. Raise it with every change after which a shield makes other moves: results that were measured
 #: before are then measured again.
-SHIELD_VERSIONS: Mapping[str, int] = {**dict.fromkeys(SHIELDS, 1)}
+SHIELD_VERSIONS: Mapping[str, int] = {**dict.fromkeys(SHIELDS, 1), "pibt-memory": 2}

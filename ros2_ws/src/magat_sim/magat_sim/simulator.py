@@ -9,12 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from magat_robot.policy.visit_memory import Trails
 from magat_sim.case import Case
 from magat_sim.field_of_view import RADIUS, Uint8Array, field_of_view, pad
 from magat_sim.grid import DELTAS, BoolArray, IntArray, Primitive
 from magat_sim.measures import EpisodeMeasures, Flowtime, episode_measures
 from magat_sim.radio import neighbours, without_lost
-from magat_sim.shield import MEMORY, NO_CELL, NO_ROBOT, SHIELDS, Scene, blocked
+from magat_sim.shield import MEMORY, NO_ROBOT, SHIELDS, Scene, blocked
 from magat_sim.streams import EpisodeStreams
 
 
@@ -54,6 +55,8 @@ class Observation:
     streams: npt.NDArray[np.uint64]
     #: Steps made so far.
     tick: int
+    #: ``[R]`` int64, the primitive that each robot made in the step before; IDLE at tick 0.
+    moved: IntArray
 
 
 @dataclass(frozen=True)
@@ -134,8 +137,10 @@ class Simulator:
         self._first_visit = np.where(on_goal, 0, -1)
         self._arrival = np.where(on_goal, 0, -1)  # step since which it is on its goal; -1 while away
         self._last_visit = np.zeros(len(on_goal), dtype=np.int64)  # 0, the start, before the first visit
-        self._trail = np.full((len(on_goal), MEMORY), NO_CELL)
-        self._remember(np.arange(len(on_goal)), on_goal)
+        self._moved = np.full(len(on_goal), Primitive.IDLE, dtype=np.int64)
+        self._trails = Trails(len(on_goal), MEMORY)
+        away = np.flatnonzero(~on_goal)
+        self._trails.enter(away, self._cell(self.position[away], self.world[away]))
         self._blocked = np.zeros(len(cases), dtype=np.int64)
         self._ticks = np.zeros(len(cases), dtype=np.int64)
         self._strict = self._all_in_world(on_goal)
@@ -170,7 +175,7 @@ class Simulator:
         heard, streams = neighbours(world, position), self._robot_streams[robots]
         if self.rules.link_loss > 0.0:
             heard = without_lost(heard, streams, self.tick, self.rules.link_loss)
-        return Observation(view, heard, streams, self.tick)
+        return Observation(view, heard, streams, self.tick, self._moved[robots])
 
     def step(self, actions: npt.ArrayLike | Actions) -> Step:
         """Make one step.
@@ -188,6 +193,7 @@ class Simulator:
         self._occupant[scene.place[moves]] = NO_ROBOT
         self._occupant[scene.leads[moves, moved[moves]]] = robots[moves]
         self.position[robots] += DELTAS[moved]
+        self._moved[robots] = moved
 
         stopped = blocked(scene.actions, moved)
         np.add.at(self._blocked, self.world[robots[stopped]], 1)
@@ -228,7 +234,7 @@ class Simulator:
             log_probabilities=log_probabilities,
             silent=silent,
             waited=self.tick - self._last_visit[robots],
-            trail=self._trail[robots],
+            trail=self._trails.cells[robots],
             draw=draw[robots],
         )
 
@@ -257,15 +263,12 @@ class Simulator:
         self._first_visit[now & (self._first_visit < 0)] = self.tick
         self._arrival[now & (self._arrival < 0)] = self.tick
         self._arrival[robots[~on_goal[robots]]] = -1
-        self._remember(robots, on_goal[robots])
+        self._trails.clear(robots[on_goal[robots]])
+        entered = robots[(self._moved[robots] != Primitive.IDLE) & ~on_goal[robots]]
+        self._trails.enter(entered, self._cell(self.position[entered], self.world[entered]))
         self._ticks[np.unique(self.world[robots])] = self.tick
         self._strict |= self._all_in_world(on_goal)
         self._update_active()
-
-    def _remember(self, robots: IntArray, on_goal: BoolArray) -> None:
-        self._trail[robots[on_goal]] = NO_CELL
-        away = robots[~on_goal]
-        self._trail[away, self.tick % MEMORY] = self._cell(self.position[away], self.world[away])
 
     def _update_active(self) -> None:
         running = ~self._strict & (self.tick < self.t_max)

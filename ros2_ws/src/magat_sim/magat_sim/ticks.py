@@ -29,6 +29,8 @@ class RobotObservation:
     audible_tags: list[int]
     #: Seed of its random stream.
     stream: int
+    #: The primitive that it made in the step before.
+    moved: int
 
 
 @dataclass(frozen=True)
@@ -93,9 +95,9 @@ class DistributedEpisode:
         self._audible = np.array([len(a) for a in audible])
         self._links = int(self._audible[present].sum())
         return [
-            RobotObservation(view, tag, announced, int(stream))
-            for view, tag, announced, stream in zip(
-                observation.field_of_view, tags, audible, observation.streams, strict=True
+            RobotObservation(view, tag, announced, int(stream), int(moved))
+            for view, tag, announced, stream, moved in zip(
+                observation.field_of_view, tags, audible, observation.streams, observation.moved, strict=True
             )
         ]
 

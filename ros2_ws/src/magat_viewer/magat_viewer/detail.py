@@ -172,7 +172,8 @@ def _from_world(
         return _Decision(reason, action=outcome.action)
     assert not isinstance(policy, str)
     unknown = _Decision(RECEIVED_UNKNOWN, action=outcome.action)
-    if policy.rounds > 1 or outcome.missing or messages.audible != len(in_range):
+    remembers = policy.config.visit_memory > 0  # what it remembers is not in this tick's messages
+    if policy.rounds > 1 or remembers or outcome.missing or messages.audible != len(in_range):
         return unknown
     latent = policy.perceive(messages.field_of_view[None])
     received = payload.round_trip(_sent(snapshot, in_range, policy), _encoding(messages, policy))

@@ -80,7 +80,7 @@ class ComputedPolicy(ABC):
             heard: ``[R, M]`` the rows that each robot hears, -1 for none.
             streams: ``[R]`` seeds of the robots' random streams.
             tick: from 0.
-            visits: ``[R, 5]``, see `RobotPolicy.decide`.
+            visits: ``[R, 4]``, see `RobotPolicy.decide`.
         """
         own, rows, present = self._cache.perceive(field_of_view), np.maximum(heard, 0), heard >= 0
         for _ in range(self.rounds):

@@ -69,8 +69,8 @@ class PolicyConfig:
     #: Shape of the CNN: "centred" takes a third of the CPU time of "padded". Configurations that do not name it have
     #: "padded". GNN_baseline has a CNN of its own and ignores this.
     cnn: str = "padded"
-    #: What a robot subtracts from the log-probability of a primitive for each earlier visit of the cell that it leads
-    #: to, nats (see `magat_robot.policy.visit_memory`); 0: robots do not remember their visits.
+    #: What a robot subtracts from the log-probability of a move for each earlier visit of the cell that it leads to,
+    #: nats (see `magat_robot.policy.visit_memory`); 0: robots do not remember their visits.
     visit_memory: float = 0.0
 
     def __post_init__(self) -> None:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from magat_robot.policy.config import PRIMITIVES
 from magat_robot.policy.folder import read_folder
+from magat_robot.policy.grids import EXP_TABLE_BITS
 from magat_robot.policy.interface import Decision, LatentState
 from magat_robot.policy.sampling import choose, uniform
 from magat_robot.policy.visit_memory import lowered
@@ -48,7 +49,8 @@ class EchoPolicy:
         visits: npt.NDArray[np.int64] | None = None,
     ) -> Decision:
         """See `RobotPolicy.decide`."""
-        weights = lowered(np.ones((len(own.messages), PRIMITIVES)), visits, self.config.visit_memory)
+        equal = np.full((len(own.messages), PRIMITIVES), 2.0**EXP_TABLE_BITS)
+        weights = lowered(equal, visits, self.config.visit_memory)
         return Decision(weights, choose(weights, uniform(streams, tick)))
 
     def _after(self, rounds: int, robots: int) -> LatentState:

@@ -84,7 +84,7 @@ class RobotPolicy(Protocol):
             own: state of the R robots after the last round.
             streams: ``[R]`` seeds of the robots' random streams.
             tick: from 0; each tick has its own draw.
-            visits: ``[R, 5]`` earlier visits of the cells that the primitives lead to, see `VisitMemory`; None: none.
+            visits: ``[R, 4]`` earlier visits of the cells that moves lead to, see `VisitMemory`; None: none.
         """
 
 

@@ -25,8 +25,10 @@ LENGTH = 256
 _ROW = 2**15
 # What each primitive adds to that number: idle, up, down, left, right.
 _STEPS = np.array([0, _ROW, -_ROW, -1, 1], dtype=np.int32)
-# Index of the robot's own cell in a field of view, in the channel of the goal.
+# In a field of view: the robot's own cell in the channel of the goal; the cells up, down, left and right of it in the
+# channel of obstacles.
 _OWN_GOAL = (slice(None), 2, 5, 5)
+_AROUND = (slice(None), 0, [6, 4, 5, 5], [5, 5, 4, 6])
 
 _Rows = npt.NDArray[np.int64]
 _Cells = npt.NDArray[np.int32]
@@ -97,8 +99,8 @@ class VisitMemory:
             field_of_view: ``[R, 3, 11, 11]``.
 
         Returns:
-            ``[R, 5]`` int64, how often each robot was before in the cell that each primitive leads to. The visit that
-            has not ended is not counted, so for IDLE it is the number of earlier visits of the present cell.
+            ``[R, 4]`` int64, how often each robot has entered the cells up, down, left and right of it. Those with an
+            obstacle count as often as the others at most, so that no robot is driven against a wall.
         """
         unknown = (self._episode[robots] != episode) | (self._tick[robots] + 1 != tick) | (tick == 0)
         self._episode[robots], self._tick[robots] = episode, tick
@@ -107,22 +109,22 @@ class VisitMemory:
         self._trails.clear(robots[unknown | on_goal])
         enters = robots[~on_goal & (unknown | (moved != 0))]
         self._trails.enter(enters, self._place[enters])
-        visits = count_visits(self._trails.cells[robots], self._place[robots, None] + _STEPS)
-        visits[:, 0] = np.maximum(visits[:, 0] - 1, 0)
-        return visits
+        visits = count_visits(self._trails.cells[robots], self._place[robots, None] + _STEPS[1:])
+        return np.where(field_of_view[_AROUND] == 1, visits.max(axis=1, keepdims=True), visits)
 
 
 def lowered(
     weights: npt.NDArray[np.float64], visits: npt.NDArray[np.int64] | None, penalty: float
 ) -> npt.NDArray[np.float64]:
-    """The weights of primitives after ``penalty`` is subtracted from their log-probabilities for each visit.
+    """The weights of primitives after ``penalty`` is subtracted from the log-probability of a move for each visit.
 
-    Logarithms are whole numbers of steps of ``2**-EXPONENT_BITS`` and come from tables. So the result is the same to the
-    last bit whatever the batch and the backend.
+    The probability of waiting stays as it is: waiting is no visit. The moves share the rest anew. Logarithms are whole
+    numbers of steps of ``2**-EXPONENT_BITS`` and come from tables, and all other operations round a single number once.
+    So the result is the same to the last bit whatever the batch and the backend.
 
     Args:
         weights: ``[R, 5]`` whole numbers up to ``2**EXP_TABLE_BITS``, see `Decision`; a weight of 0 counts as 0.5.
-        visits: ``[R, 5]`` as `VisitMemory.observe` returns them; None: none.
+        visits: ``[R, 4]`` as `VisitMemory.observe` returns them; None: none.
         penalty: for each visit, nats; rounded to a whole number of steps.
 
     Returns:
@@ -131,11 +133,15 @@ def lowered(
     if visits is None or penalty == 0 or not visits.any():
         return weights
     table, bounds = _tables()
-    below = len(bounds) - np.searchsorted(bounds, np.maximum(weights, 0.5))
+    moves = weights[:, 1:]
+    below = len(bounds) - np.searchsorted(bounds, np.maximum(moves, 0.5))
     below += visits * round(penalty * 2**EXPONENT_BITS)
     below -= below.min(axis=1, keepdims=True)
-    again = table[np.minimum(below, len(table) - 1)]
-    return np.where(visits.any(axis=1, keepdims=True), again, weights)
+    shares = table[np.minimum(below, len(table) - 1)]
+    # Products are below 2**53, so only the quotient is rounded.
+    again = np.rint(shares * moves.sum(axis=1, keepdims=True) / shares.sum(axis=1, keepdims=True))
+    changed = np.concatenate([weights[:, :1], again], axis=1)
+    return np.where(visits.any(axis=1, keepdims=True), changed, weights)
 
 
 @functools.cache

@@ -217,7 +217,7 @@ class SimulatorNode(Node):
     def send_observations(self, episode: int, tick: int, observations: Sequence[tuple[int, RobotObservation]]) -> None:
         """Send an Observation to each of these robots."""
         for robot, observation in observations:
-            message = Observation(episode=episode, tick=tick)
+            message = Observation(episode=episode, tick=tick, moved=observation.moved)
             message.stream, message.own_tag = observation.stream, observation.own_tag
             message.audible_tags = array.array("Q", observation.audible_tags)
             message.field_of_view = array.array("B", observation.field_of_view.tobytes())

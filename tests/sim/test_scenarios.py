@@ -86,7 +86,7 @@ def test_a_team_is_asked_for_each_case_in_full(cases: list[Case], files: list[st
         ({"--scen": ["twice.scen"]}, "is also that of line 2: starts must differ"),
         (
             {"--scen": ["apart.scen"], "--map": ["apart.map"], "--robots": ["1"]},
-            "apart.scen: robot 0: goal (2, 0) cannot",
+            "apart.scen:2: the goal (2, 0) cannot",
         ),
     ],
 )
@@ -119,3 +119,21 @@ def test_a_case_that_the_expert_does_not_solve_is_said(tmp_path: Path) -> None:
     assert (
         main(["evaluate", "--map", str(tmp_path / "a.map"), "--scen", str(tmp_path / "a.scen"), "--robots", "2"]) == 1
     )
+
+
+def test_cases_without_a_reference_are_named_by_file_and_line(tmp_path: Path, capfd: pytest.CaptureFixture) -> None:
+    row = np.zeros((1, 4), dtype=bool)
+    swap = Case(row, np.array([(0, 0), (3, 0)]), np.array([(3, 0), (0, 0)]))
+    good = Case(row, np.array([(0, 0), (1, 0)]), np.array([(2, 0), (3, 0)]))
+    for name, case in (("swap", swap), ("good", good)):
+        write_case(case, tmp_path / "a.map", tmp_path / f"{name}.scen")
+    files = [str(tmp_path / f"{name}.scen") for name in ("swap", "good")]
+    limits = ["--expert-w", "1.5", "--expert-time", "5"]
+    assert (
+        main(["evaluate", "--map", str(tmp_path / "a.map"), "--scen", *files, "--robots", "2", "--json", *limits]) == 0
+    )
+    captured = capfd.readouterr()
+    report = json.loads(captured.out)
+    assert (report["cases"], report["unsolved_by_expert"], report["expert_w"]) == (1, 1, 1.5)
+    assert "swap.scen:2-3: the expert does not solve this case" in captured.err
+    assert "good.scen" not in captured.err

@@ -91,6 +91,14 @@ def factor(text: str) -> float:
     return value
 
 
+def bound(text: str) -> float:
+    """A suboptimality bound: a finite number of at least 1."""
+    value = float(text)
+    if not 1.0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not a bound: give 1 (optimal) or more")
+    return value
+
+
 def share(text: str) -> float:
     """A number from 0 to 1."""
     value = float(text)
@@ -162,6 +170,15 @@ def policies_of(options: Options) -> dict[str, Path]:
     from magat_robot.policy.models import all_policies, find_policy
 
     return {name: find_policy(name) for name in options.policy} if options.policy else all_policies()
+
+
+def add_workers(parser: argparse.ArgumentParser) -> None:
+    """Where work is done, as `magat_evaluation.executor` takes it."""
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--workers", type=positive, default=1, help="processes on this machine (default: 1)")
+    where.add_argument(
+        "--cluster", dest="workers", metavar="ADDRESS", help="compute on the Dask cluster of this scheduler instead"
+    )
 
 
 def add_world(parser: argparse.ArgumentParser) -> None:

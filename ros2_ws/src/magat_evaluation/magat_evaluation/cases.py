@@ -57,7 +57,12 @@ def first_cases(count: int) -> dict[str, range]:
 
 
 def solved_cases(
-    numbers: Sequence[int], seed: int = SET_SEED, workers: int = 2, expert_w: float = EXPERT_W, **size: float
+    numbers: Sequence[int],
+    seed: int = SET_SEED,
+    workers: int = 2,
+    expert_w: float = EXPERT_W,
+    expert_time: float = math.inf,
+    **size: float,
 ) -> Iterator[SolvedCase]:
     """Draw and solve the cases ``numbers`` under ``seed``, in order; cases that the expert does not solve are left out.
 
@@ -66,14 +71,19 @@ def solved_cases(
         seed: of the series of cases.
         workers: solver threads.
         expert_w: the expert's suboptimality bound.
+        expert_time: time limit of each search, seconds; without one, `EXPERT_NODE_LIMIT` ends it.
         size: width, height, robots, density, as `draw_case` takes them.
     """
     cases = (draw_case(seed, number, **size) for number in numbers)  # type: ignore[arg-type]
-    return solve_cases(cases, numbers, workers, expert_w)
+    return solve_cases(cases, numbers, workers, expert_w, expert_time)
 
 
 def solve_cases(
-    cases: Iterable[Case], numbers: Sequence[int], workers: int = 2, expert_w: float = EXPERT_W
+    cases: Iterable[Case],
+    numbers: Sequence[int],
+    workers: int = 2,
+    expert_w: float = EXPERT_W,
+    expert_time: float = math.inf,
 ) -> Iterator[SolvedCase]:
     """Solve ``cases`` with the given ``numbers``, as `solved_cases` does."""
     taken: list[Case] = []
@@ -83,7 +93,8 @@ def solve_cases(
             taken.append(case)
             yield case
 
-    solutions = solve_many(take(), workers=workers, w=expert_w, time_limit=math.inf, node_limit=EXPERT_NODE_LIMIT)
+    node_limit = EXPERT_NODE_LIMIT if math.isinf(expert_time) else None
+    solutions = solve_many(take(), workers=workers, w=expert_w, time_limit=expert_time, node_limit=node_limit)
     for index, (number, solution) in enumerate(zip(numbers, solutions, strict=True)):
         if solution.status is SolveStatus.SOLVED and solution.paths is not None:
             yield SolvedCase(number, taken[index], solution.paths)

@@ -6,7 +6,7 @@
 import dataclasses
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache, partial
 from typing import Any
 
@@ -20,6 +20,7 @@ from magat_evaluation.outcomes import Outcomes
 from magat_evaluation.planners import evaluate_planner
 from magat_evaluation.report import EvaluationKey, Report
 from magat_evaluation.sets import CaseSet
+from magat_evaluation.splits import EXPERT_W
 from magat_node.progress import progress_bars, tracked
 from magat_sim.case import InvalidCaseError
 from magat_sim.measures import EpisodeMeasures, summarise
@@ -29,25 +30,35 @@ from magat_sim.scenarios import Scenarios
 BATCH_ROBOTS = 1000
 
 
-def evaluate_candidate(candidate: Candidate, cases: CaseSet, console: Console, workers: Workers = 1) -> Report:
+def evaluate_candidate(
+    candidate: Candidate, cases: CaseSet, console: Console, workers: Workers = 1, expert_time: float = math.inf
+) -> Report:
     """Run ``candidate`` on ``cases``.
 
     Args:
         candidate: what is evaluated.
         cases: on what.
-        console: shows the progress.
+        console: shows the progress, and names the cases that the expert does not solve.
         workers: see `executor`; the measures do not depend on them. If there is one, this process does the work.
+        expert_time: see `solved_cases`.
 
     Raises:
         InvalidCaseError: no such cases can be drawn, or the expert solves none of them.
         ModelError: the policy cannot be used.
     """
-    solved = _solved(cases.numbers, cases.seed, tuple(cases.size.items()), console)
+    solved = _solved(cases.numbers, cases.seed, expert_time, tuple(cases.size.items()), console)
+    _list_unsolved({number: f"case {number} of seed {cases.seed}" for number in cases.numbers}, solved, console)
     return _evaluate(candidate, solved, candidate.key(cases), console, workers)
 
 
 def evaluate_scenarios(
-    candidate: Candidate, scenarios: Scenarios, seed: int, console: Console, workers: Workers = 1
+    candidate: Candidate,
+    scenarios: Scenarios,
+    seed: int,
+    console: Console,
+    workers: Workers = 1,
+    expert_w: float = EXPERT_W,
+    expert_time: float = math.inf,
 ) -> Report:
     """Run ``candidate`` on cases from MovingAI's files, whose numbers are 0, 1, ...
 
@@ -55,25 +66,45 @@ def evaluate_scenarios(
         candidate: what is evaluated.
         scenarios: the cases.
         seed: of the random streams.
-        console: shows the progress.
+        console: shows the progress, and names the cases that the expert does not solve.
         workers: see `evaluate_candidate`.
+        expert_w: the expert's suboptimality bound.
+        expert_time: see `solved_cases`.
 
     Raises:
         InvalidCaseError: the expert solves none of the cases.
         ModelError: the policy cannot be used.
     """
     numbers = range(len(scenarios.cases))
-    solved = list(tracked(solve_cases(scenarios.cases, numbers), "expert", len(numbers), console))
+    found = solve_cases(scenarios.cases, numbers, expert_w=expert_w, expert_time=expert_time)
+    solved = list(tracked(found, "expert", len(numbers), console))
+    last = scenarios.cases[0].robots + 1
+    _list_unsolved({number: f"{scenarios.files[number]}:2-{last}" for number in numbers}, solved, console)
     size: dict[str, Any] = {**scenarios.size}
     key = dataclasses.replace(
-        candidate.key(CaseSet(cases=1, seed=seed, **size)), first_case=numbers[0], cases=len(numbers)
+        candidate.key(CaseSet(cases=1, seed=seed, expert_w=expert_w, **size)), first_case=numbers[0], cases=len(numbers)
     )
     return dataclasses.replace(_evaluate(candidate, solved, key, console, workers), map=scenarios.map.name)
 
 
 @lru_cache(maxsize=2)  # several candidates in a row are run on the same cases, some of them on more than others
-def _solved(numbers: range, seed: int, size: tuple[tuple[str, Any], ...], console: Console) -> list[SolvedCase]:
-    return list(tracked(solved_cases(numbers, seed, **dict(size)), "expert", len(numbers), console))
+def _solved(
+    numbers: range, seed: int, expert_time: float, size: tuple[tuple[str, Any], ...], console: Console
+) -> list[SolvedCase]:
+    found = solved_cases(numbers, seed, expert_time=expert_time, **dict(size))
+    return list(tracked(found, "expert", len(numbers), console))
+
+
+def _list_unsolved(names: Mapping[int, str], solved: Sequence[SolvedCase], console: Console) -> None:
+    """Say which of the cases in ``names`` are not among the ``solved`` ones."""
+    for number in sorted(names.keys() - {one.number for one in solved}):
+        console.print(
+            f"{names[number]}: the expert does not solve this case, so it is left out: allow more by --expert-time, or "
+            "a larger --expert-w",
+            markup=False,
+            highlight=False,
+            soft_wrap=True,
+        )
 
 
 def _evaluate(

@@ -4,10 +4,11 @@
 """Measure a policy or a baseline on many cases, in the batched simulator."""
 
 import argparse
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from magat_cli.options import Options, add_policy, add_size, add_world, positive, size_of
+from magat_cli.options import Options, add_policy, add_size, add_workers, add_world, bound, positive, seconds, size_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -21,7 +22,7 @@ CASES = 300
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The verb's options."""
     from magat_evaluation.sets import TEST_SETS
-    from magat_evaluation.splits import SPLITS
+    from magat_evaluation.splits import EXPERT_W, SPLITS
 
     parser.epilog = (
         "--policy also takes the baselines expert, HCA, Replan and PIBT, which plan without learning, and greedy, "
@@ -36,7 +37,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=TEST_SETS,
         help="one of the paper's test sets; reports are kept in runs/sets: run again to resume",
     )
-    parser.add_argument("--workers", type=positive, default=1, help="processes (default: 1)")
+    add_workers(parser)
+    parser.add_argument(
+        "--expert-w", type=bound, default=EXPERT_W, metavar="W", help=f"bound of the expert (default: {EXPERT_W:g})"
+    )
+    parser.add_argument(
+        "--expert-time",
+        type=seconds,
+        default=math.inf,
+        metavar="SECONDS",
+        help="of each search of the expert (default: a number of steps that is the same on every machine)",
+    )
     parser.add_argument("--temperature", type=float, help="sampling temperature (default: the policy's own)")
     parser.add_argument(
         "--visit-memory",
@@ -76,15 +87,19 @@ def main(options: Options, console: "Console") -> int:
         setting = Setting(options.temperature, options.encoding, rules, options.visit_memory)
         candidate = Candidate.of_policy(folder, setting, folder.name if options.set else "")
     if options.set:
-        options.without_effect("--set", "seed", "robots", "width", "height", "density", "scen")
+        options.without_effect(
+            "--set", "seed", "robots", "width", "height", "density", "scen", "expert_w", "expert_time"
+        )
         return _evaluate_set(options, candidate, console)
     if options.map or options.scen:
         options.without_effect("--map and --scen", "width", "height", "density", "cases", "split")
         scenarios = Scenarios.read(options.map, options.scen, options.robots)
-        report = evaluate_scenarios(candidate, scenarios, options.seed, console, options.workers)
+        expert = (options.expert_w, options.expert_time)
+        report = evaluate_scenarios(candidate, scenarios, options.seed, console, options.workers, *expert)
     else:
-        cases = CaseSet(**size_of(options), cases=options.cases or CASES, split=options.split, seed=options.seed)
-        report = evaluate_candidate(candidate, cases, console, options.workers)
+        chosen = {"cases": options.cases or CASES, "split": options.split, "seed": options.seed}
+        cases = CaseSet(**size_of(options), **chosen, expert_w=options.expert_w)
+        report = evaluate_candidate(candidate, cases, console, options.workers, options.expert_time)
     if options.json:
         print_json(report.to_json())
     else:

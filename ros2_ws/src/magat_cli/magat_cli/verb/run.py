@@ -12,6 +12,7 @@ from magat_cli.options import (
     add_policy,
     add_size,
     add_world,
+    bound,
     domain,
     namespace,
     own_network,
@@ -93,7 +94,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--require", type=int, default=0, metavar="N", help="fail unless N episodes are complete")
     parser.add_argument(
         "--expert-w",
-        type=_bound,
+        type=bound,
         default=EXPERT_W,
         metavar="W",
         help=f"bound of the expert's cost over the optimum, from which T_max follows (default: {EXPERT_W:g})",
@@ -120,14 +121,6 @@ def _secret(text: str) -> bytes:
         raise argparse.ArgumentTypeError(
             f"{text} is not a secret: give the 64 hexadecimal digits of one in results.json"
         ) from error
-
-
-def _bound(text: str) -> float:
-    """A suboptimality bound: a finite number of at least 1."""
-    value = float(text)
-    if not 1.0 <= value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is not a bound: give 1 (optimal) or more")
-    return value
 
 
 def main(options: Options, console: "Console") -> int:

@@ -189,3 +189,14 @@ def test_names_make_no_difference(team, start_named_team):
     with start_named_team([f"unit_{name}" for name in "jihgfedcba"]) as other:
         positions = other.run_undisturbed(team.goal(CASE)).recording.positions
     assert (positions == outcome.recording.positions).all()
+
+
+def test_the_secret_that_an_episode_returns_repeats_it_and_no_other_episode_has_it(team):
+    first, second = (team.run_undisturbed(team.goal(CASE, secret=b"")) for _ in range(2))
+    secrets = [bytes(outcome.result.secret) for outcome in (first, second)]
+    assert len(set(secrets)) == 2
+    assert {len(secret) for secret in secrets} == {32}
+    assert first.recording.positions.tolist() != second.recording.positions.tolist()
+    again = team.run_undisturbed(team.goal(CASE, secret=secrets[0]))
+    assert bytes(again.result.secret) == secrets[0]
+    assert again.recording.positions.tolist() == first.recording.positions.tolist()

@@ -41,6 +41,13 @@ def test_a_temperature_can_be_tried(capfd, policy_folder):
     assert alphas[1] < alphas[0], "at T = 50 robots walk at random"
 
 
+def test_a_visit_memory_can_be_tried(capfd):
+    assert main(["evaluate", "--cases", "4", "--visit-memory", "1.5"]) == 0
+    assert "visit memory 1.5" in " ".join(capfd.readouterr().out.split())
+    assert main(["evaluate", "--cases", "4", "--visit-memory", "-1"]) == 1
+    assert "visit_memory -1.0 is not within 0 and 100" in " ".join(capfd.readouterr().err.split())
+
+
 def test_a_team_is_scored_in_another_encoding_and_with_links_lost(capfd, policy_folder):
     def report(*options: str) -> dict:
         crowded = ["--robots", "30", "--width", "16", "--height", "16"]

@@ -31,7 +31,8 @@ def test_a_set_has_no_files(capfd):
 
 
 @pytest.mark.parametrize(
-    ("option", "value"), [("shield", "pibt"), ("link-loss", "0.1"), ("temperature", "1"), ("encoding", "int8")]
+    ("option", "value"),
+    [("shield", "pibt"), ("link-loss", "0.1"), ("temperature", "1"), ("visit-memory", "1"), ("encoding", "int8")],
 )
 def test_a_baseline_has_neither_messages_nor_a_temperature(capfd, option, value):
     for baseline in ("PIBT", "HCA", "Replan"):

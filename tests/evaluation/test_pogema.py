@@ -46,8 +46,9 @@ def test_worlds_are_alike() -> None:
 
 
 @pytest.mark.usefixtures("pogema")
-def test_a_team_sees_decides_and_walks_as_here_until_two_want_one_cell() -> None:
-    policy, steps = load(find_policy("MAGAT-F-128")), 0
+@pytest.mark.parametrize("visit_memory", [0.0, 1.5])
+def test_a_team_sees_decides_and_walks_as_here_until_two_want_one_cell(visit_memory: float) -> None:
+    policy, steps = load(find_policy("MAGAT-F-128"), visit_memory=visit_memory), 0
     for one in solved_cases(range(6), **SIZE):
         simulator, world = simulator_for([one]), environment(one.case, one.t_max)
         decide, team = policy_planner(policy)([one], simulator), PogemaPolicy(policy, SET_SEED, one.number)

@@ -4,7 +4,9 @@
 """A team of processes and the batched simulator walk the same paths, whatever the radio, the crews and the encoding."""
 
 import collections
+import json
 import os
+import shutil
 import signal
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,14 +17,14 @@ import pytest
 from team_secret import SECRET
 
 from magat_evaluation.cases import solved_cases
-from magat_evaluation.planners import simulator_for
+from magat_evaluation.planners import policy_planner, simulator_for
 from magat_evaluation.splits import SPLITS
 from magat_interfaces.msg import Observation, Preference
 from magat_node import qos
 from magat_robot.policy.store import load, save
 from magat_sim.measures import EpisodeMeasures, expert_flowtime
 from magat_sim.rollout import run
-from magat_sim.simulator import DEFAULT_RULES, Actions, Rules
+from magat_sim.simulator import DEFAULT_RULES, Rules
 
 pytestmark = pytest.mark.system
 
@@ -57,12 +59,14 @@ def batched() -> Callable[..., list[Walk]]:
         positions = [simulator.position.copy()]
         weighed: list[list[list[bytes]]] = [[] for _ in solved]
 
-        def decide(o):
-            decision = policy.decide_together(o.field_of_view, o.heard, o.streams, o.tick)
+        decide_together = policy_planner(policy)(solved, simulator)
+
+        def decide(seen):
+            actions = decide_together(seen)
             world = simulator.world[simulator.active]
             for number in np.unique(world):
-                weighed[number].append(sorted(row.tobytes() for row in decision.log_probabilities[world == number]))
-            return Actions(decision.primitives, decision.log_probabilities)
+                weighed[number].append(sorted(row.tobytes() for row in actions.log_probabilities[world == number]))
+            return actions
 
         run(simulator, decide, lambda after: positions.append(after.position.copy()))
         measures = simulator.measures([expert_flowtime(s.paths, s.case.goals) for s in solved])
@@ -119,6 +123,19 @@ def test_so_do_robots_that_miss_a_third_of_what_is_said(start_team, batched, pol
     with start_team(10, radio=radio, crew=5, link_loss=rules.link_loss) as team:
         for index in range(2):
             assert_same(team.run_undisturbed(team.goal(CASES[index])), walks[index], feature_bytes=548)
+
+
+def test_so_do_robots_that_remember_their_visits(start_team, batched, policy_folder, tmp_path):
+    folder = shutil.copytree(policy_folder, tmp_path / "policy")
+    config = json.loads((folder / "config.json").read_text())
+    config["policy"]["visit_memory"] = 1.5
+    (folder / "config.json").write_text(json.dumps(config))
+    size = {"width": 14, "height": 14}
+    walks, others = (batched(which, robots=20, **size) for which in (folder, policy_folder))
+    assert all(walk.paths.tolist() != other.paths.tolist() for walk, other in zip(walks[:2], others[:2], strict=True))
+    with start_team(20, policy=folder, crew=10) as team:
+        for index in range(2):
+            assert_same(team.run_undisturbed(team.goal(CASES[index], **size)), walks[index], feature_bytes=548)
 
 
 @pytest.mark.parametrize("shield", ["pibt", "pibt-memory"])

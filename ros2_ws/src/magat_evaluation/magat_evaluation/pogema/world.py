@@ -3,9 +3,9 @@
 
 """Policies in POGEMA, the environment in which others compare theirs (Skrynnik et al., 2022).
 
-Observations, messages and decisions are the same as in our simulator: `field_of_view`, `neighbours`, `ComputedPolicy`. Only the
-world differs. In POGEMA a cell is ``(row, column)``, rows are counted from the top, and the map has a border of
-`obs_radius` cells. Its actions have the numbers of our primitives; up is the row before.
+Observations, messages and decisions are the same as in our simulator: `field_of_view`, `neighbours`, `ComputedPolicy`.
+Only the world differs. In POGEMA a cell is ``(row, column)``, rows are counted from the top, and the map has a border
+of `obs_radius` cells. Its actions have the numbers of our primitives; up is the row before.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -17,9 +17,10 @@ import numpy.typing as npt
 from magat_evaluation.cases import SolvedCase
 from magat_evaluation.splits import SET_SEED
 from magat_robot.policy.computed import ComputedPolicy
+from magat_robot.policy.visit_memory import VisitMemory
 from magat_sim.case import Case
-from magat_sim.field_of_view import RADIUS, field_of_view, pad
-from magat_sim.grid import BoolArray, IntArray
+from magat_sim.field_of_view import RADIUS, Uint8Array, field_of_view, pad
+from magat_sim.grid import DELTAS, BoolArray, IntArray
 from magat_sim.radio import neighbours
 from magat_sim.streams import episode_streams
 
@@ -38,6 +39,8 @@ class PogemaPolicy:
     def reset(self, number: int) -> None:
         """Begin another episode."""
         self._number, self._tick = number, 0
+        self._memory: VisitMemory | None = None
+        self._before: IntArray | None = None
 
     def act(self, observations: Sequence[MapfObservation]) -> list[int]:
         """The next actions of all robots.
@@ -55,9 +58,19 @@ class PogemaPolicy:
         robots[position[:, 1], position[:, 0]] = 1
         view = field_of_view(pad(obstacles[None], 1), pad(robots[None], 0), world, position, goal)
         streams = episode_streams(self._seed, self._number, len(position)).robots
-        decision = self._policy.decide_together(view, neighbours(world, position), streams, self._tick)
+        visits = self._visits(position, view) if self._policy.config.visit_memory else None
+        decision = self._policy.decide_together(view, neighbours(world, position), streams, self._tick, visits)
         self._tick += 1
         return [int(primitive) for primitive in decision.primitives]
+
+    def _visits(self, position: IntArray, view: Uint8Array) -> IntArray:
+        """What the robots remember, by the moves that they made since the call before."""
+        if self._memory is None or self._before is None:
+            self._memory, self._before = VisitMemory(len(position)), position
+        step = position - self._before
+        moved = (step[:, None] == DELTAS).all(axis=2).argmax(axis=1)
+        self._before = position
+        return self._memory.observe(np.arange(len(position)), 0, self._tick, moved, view)
 
 
 def world_of(observations: Sequence[MapfObservation]) -> tuple[BoolArray, IntArray, IntArray]:
@@ -103,7 +116,10 @@ def environment(case: Case, t_max: int) -> Any:
 
 
 def score(
-    policy: ComputedPolicy, solved: Sequence[SolvedCase], seed: int = SET_SEED, on_case: Callable[[], None] | None = None
+    policy: ComputedPolicy,
+    solved: Sequence[SolvedCase],
+    seed: int = SET_SEED,
+    on_case: Callable[[], None] | None = None,
 ) -> list[dict[str, float]]:
     """Run an episode on each case, with as many steps as in our simulator, and return POGEMA's metrics.
 

@@ -199,7 +199,7 @@ class Trainer:
         chosen = rng.choice(len(self._train), min(self.config.online_cases, len(self._train)), replace=False)
         mine = self._workers.share(chosen.tolist())
         self._workers.share_statistics(self.network)  # all run the policy that the checkpoint holds
-        correction = CORRECTIONS[self.config.online](self._policy(), self._train, mine, self.step)
+        correction = CORRECTIONS[self.config.online](self._policy(visit_memory=0.0), self._train, mine, self.step)
         corrections = self._workers.everyones(correction)
         self._online_alpha = summarise([episode for one in corrections for episode in one.episodes]).alpha
         self._corrections += [one.instants for one in corrections if one.instants is not None]
@@ -210,10 +210,12 @@ class Trainer:
     def _pool_corrections(self) -> None:
         self._online = self._sampler.pool(Instants.join(self._corrections)) if self._corrections else None
 
-    def _policy(self) -> Policy:
-        """The policy in its deployed form, with the current weights, on the processor."""
+    def _policy(self, **changes: Any) -> Policy:
+        """The policy in its deployed form, with the current weights, on the processor; for changes see `load`."""
         network = self.network
-        return Policy(network if self._workers.device.type == "cpu" else copy.deepcopy(network).cpu())
+        policy = Policy(network if self._workers.device.type == "cpu" else copy.deepcopy(network).cpu())
+        policy.config = policy.config.with_changes(**changes)
+        return policy
 
     def _validate(self, loss: float) -> None:
         measures = summarise(evaluate(self._policy(), self._valid))

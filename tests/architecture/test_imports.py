@@ -53,6 +53,7 @@ ROSDEP_KEYS = {
 }
 #: Libraries for which rosdep has no package of the system, or too old a one; the files requirements-*.txt have them.
 FROM_PIP = {
+    "distributed",
     "mcap",
     "mcap_ros2",
     "onnx",

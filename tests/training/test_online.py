@@ -10,14 +10,24 @@ import numpy as np
 import pytest
 
 from magat_evaluation.cases import SolvedCase
+from magat_evaluation.executor import executor
 from magat_evaluation.planners import evaluate, simulator_for
 from magat_evaluation.splits import EXPERT_W
 from magat_expert import SolveStatus, check_paths, solve
-from magat_robot.policy.policy import Decision
+from magat_robot.policy.config import PolicyConfig
+from magat_robot.policy.interface import Decision
 from magat_sim.case import Case
 from magat_sim.grid import DELTAS, Primitive
 from magat_sim.rollout import run_recorded
-from magat_training.online import CORRECTIONS, NODE_LIMIT, Correction, correct_failures, correct_states
+from magat_training import online
+from magat_training.online import (
+    CORRECTIONS,
+    NODE_LIMIT,
+    Correction,
+    correct_failures,
+    correct_in_pieces,
+    correct_states,
+)
 from magat_training.samples import Instants
 
 IDLE, UP, _, _, RIGHT = Primitive
@@ -30,6 +40,8 @@ CHOSEN = [5, 0, 3, 2]
 class Follower:
     """Carried by robots that walk along the expert's paths; which robot it is, its stream tells. Others never move."""
 
+    config = PolicyConfig()
+
     def __init__(self, solved: Sequence[SolvedCase], seed: int) -> None:
         self._way = {
             int(stream): s.paths[:, robot]
@@ -37,7 +49,7 @@ class Follower:
             for robot, stream in enumerate(simulator_for([s], seed).observe().streams)
         }
 
-    def decide_together(self, view: object, heard: object, streams: np.ndarray, tick: int) -> Decision:
+    def decide_together(self, view: object, heard: object, streams: np.ndarray, tick: int, *_: object) -> Decision:
         actions = [self._wanted(int(stream), tick) for stream in streams]
         return Decision(np.ones((len(streams), 5)), np.array(actions))
 
@@ -50,7 +62,9 @@ class Follower:
 class Scripted:
     """PolicySlot by two robots: one walks away from its goal, the other reaches its own, and both stay."""
 
-    def decide_together(self, view: object, heard: object, streams: object, tick: int) -> Decision:
+    config = PolicyConfig()
+
+    def decide_together(self, view: object, heard: object, streams: object, tick: int, *_: object) -> Decision:
         return Decision(np.ones((2, 5)), np.array([UP, RIGHT] if tick == 0 else [IDLE, IDLE]))
 
 
@@ -208,6 +222,20 @@ def test_corrections_are_kept_as_compactly_as_the_experts_own_paths(
         "now": np.int16,
         "next": np.int16,
     }
+
+
+@BOTH
+def test_a_correction_in_pieces_is_that_of_the_whole(
+    solved: list[SolvedCase], small_policy: Callable, correct: Callable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(online, "PIECE", 3)
+    whole = correct(small_policy(), solved, CHOSEN, 3)
+    with executor(1) as pool:
+        pieces = correct_in_pieces(pool, correct, small_policy(), solved, CHOSEN, 3)
+    assert pieces.episodes == whole.episodes
+    for name, array in vars(whole.instants).items():
+        assert getattr(pieces.instants, name).dtype == array.dtype
+        assert np.array_equal(getattr(pieces.instants, name), array)
 
 
 def test_the_ways_to_ask_have_names() -> None:

@@ -16,7 +16,7 @@ from magat_evaluation.measures_file import read
 from magat_evaluation.sets import CaseSet
 from magat_robot.policy.store import load
 from magat_training import train_policy as training
-from magat_training.recipe import read_recipe
+from magat_training.recipe import read_recipe, recipe
 
 RECIPE = """
 policy: {name: GNN-B-8-P2, channels: [4, 4, 8], hidden: 16, temperature: 1.5}
@@ -74,7 +74,7 @@ def test_a_finished_run_is_left_as_it_is_and_a_changed_one_is_refused(tmp_path, 
 
 def test_options_stand_above_the_recipe(tmp_path, command):
     assert main([*command, "--no-measure", "--steps", "3", "--online", "failures", "--seed", "9"]) == 0
-    kept = read_recipe(str(tmp_path / "run" / "GNN-B-8-P2" / "training.yaml"))
+    kept = read_recipe(str(tmp_path / "run" / "GNN-B-8-P2-S9" / "training.yaml"))
     assert (kept.steps, kept.online, kept.seed, kept.batch) == (3, "failures", 9, 8)
 
 
@@ -85,7 +85,8 @@ def test_a_data_set_that_is_too_small_is_named(command, capfd, tmp_path):
 
 
 def test_the_bench_accounts_for_every_part_of_a_run():
-    bench = bench_training("MAGAT-F-16", threads=1, steps=3, cases=20, console=Console(quiet=True))
+    recipes = [read_recipe("MAGAT-F-16"), recipe({"policy": {"name": "MAGAT-F-16", "cnn": "padded"}, "online": "off"})]
+    bench, other = bench_training(recipes, threads=1, steps=3, cases=20, console=Console(quiet=True))
     assert set(bench.parts) == set(PARTS)
     assert min(*bench.parts.values(), bench.online, bench.validation) > 0
     config = bench.config
@@ -96,6 +97,9 @@ def test_the_bench_accounts_for_every_part_of_a_run():
     assert sum(bench.operators.values()) == pytest.approx(1.0)
     assert bench.operators["convolutions"] > 0.2
     assert 5e6 < bench.flops < 7e6, "as counted by hand: 1 million products, three times, two operations each"
+    assert 10e6 < other.flops < 40e6
+    assert other.online == 0
+    assert other.run["online expert"] == 0
     console = Console(width=200, file=io.StringIO(), record=True)
     console.print(table(bench))
     assert "observations per second" in console.export_text()

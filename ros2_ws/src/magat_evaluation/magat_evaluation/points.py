@@ -15,6 +15,7 @@ from rich.markup import escape
 
 from magat_evaluation.candidates import Candidate
 from magat_evaluation.evaluate import evaluate_candidate
+from magat_evaluation.executor import Workers
 from magat_evaluation.report import EvaluationKey, Report
 from magat_evaluation.report_files import read_csv, write_csv
 from magat_evaluation.sets import CaseSet
@@ -38,7 +39,7 @@ def measure_points(
     points: Sequence[Point],
     path: Path,
     console: Console,
-    workers: int = 1,
+    workers: Workers = 1,
     title: str = "points",
     others: Sequence[Path] = (),
 ) -> list[Report]:
@@ -48,7 +49,7 @@ def measure_points(
         points: what to measure.
         path: CSV file of the reports. Each is written as soon as it is measured.
         console: shows the progress.
-        workers: processes.
+        workers: see `executor`.
         title: of the progress.
         others: files that may hold some of the reports; those are copied to ``path``.
 

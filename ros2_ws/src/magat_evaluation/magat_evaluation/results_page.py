@@ -11,6 +11,7 @@ from string import Template
 
 from rich.console import Console
 
+from magat_evaluation.executor import Workers
 from magat_evaluation.measured import Measured
 from magat_evaluation.paper import claims_table, findings, panels_table, verdicts_line
 from magat_evaluation.points import Point
@@ -40,7 +41,7 @@ def write_results(
     asked: Mapping[str, Sequence[Point]],
     output: Path,
     console: Console,
-    workers: int = 1,
+    workers: Workers = 1,
 ) -> Path:
     """Measure what is missing, and write the page with its pictures.
 
@@ -51,7 +52,7 @@ def write_results(
             page shows what was measured before and still holds, see `Study.current`.
         output: folder for the page, pictures and files.
         console: shows the progress.
-        workers: processes.
+        workers: see `executor`.
 
     Returns:
         The page.

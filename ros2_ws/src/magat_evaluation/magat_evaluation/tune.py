@@ -9,6 +9,7 @@ from pathlib import Path
 from rich.console import Console
 
 from magat_evaluation.candidates import Candidate, Setting
+from magat_evaluation.executor import Workers
 from magat_evaluation.points import Point, measure_points
 from magat_evaluation.report import Report
 from magat_evaluation.sets import CaseSet
@@ -29,7 +30,7 @@ def tune(
     sets: Sequence[CaseSet],
     output: Path,
     console: Console,
-    workers: int = 1,
+    workers: Workers = 1,
 ) -> dict[str, float]:
     """Choose the temperature with the highest `score` for each shield, and keep it in the policy's folder.
 
@@ -41,7 +42,7 @@ def tune(
         sets: validation cases.
         output: CSV file of the reports. Points that it has are not measured again.
         console: shows the progress.
-        workers: processes.
+        workers: see `executor`.
 
     Returns:
         The temperature by shield.

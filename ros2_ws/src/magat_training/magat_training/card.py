@@ -47,7 +47,7 @@ on {size["width"]}x{size["height"]} cells with {robots} robots and {100 * size["
 - Sampling temperature in validation and with the online expert: {config.policy.temperature:g}. Shield: idle. All
   measures are of the fixed-point form.
 
-To reproduce: `magat train models/{config.policy.name}/training.yaml --output runs/{config.policy.name.lower()}`
+To reproduce: `magat train models/{config.policy.name}/training.yaml`
 
 ## Curve
 

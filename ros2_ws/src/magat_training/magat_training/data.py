@@ -23,6 +23,7 @@ import hashlib
 import io
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor, Future
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +54,7 @@ def make_data_set(
     workers: int = 2,
     shard: int = SHARD_CASES,
     progress: Callable[[int], None] = lambda done: None,
+    executor: Executor | None = None,
 ) -> dict[str, Any]:
     """Draw and solve cases into ``folder``, or resume where that was interrupted; damaged shards are made again.
 
@@ -65,6 +67,7 @@ def make_data_set(
         shard: cases in each file, at least 1.
         progress: called repeatedly with the number of cases done, including those found in ``folder``. It may raise an
             exception to stop.
+        executor: solves the cases, a shard at a time; threads of this process if None.
 
     Returns:
         The manifest.
@@ -76,15 +79,18 @@ def make_data_set(
     """
     recipe = _recipe(seed, splits, size, shard)
     _check_recipes(folder, recipe)
+    submitted = {} if executor is None else _submit(executor, folder, seed, splits, recipe)
     summaries = {}
     seen: dict[bytes, str] = {}
     done = 0
     for split, numbers in splits.items():
         summary: dict[str, Any] = {"drawn": len(numbers), "solved": 0, "unsolved": [], "instants": 0, "shards": {}}
-        for part in (numbers[first : first + shard] for first in range(0, len(numbers), shard)):
-            path = folder / f"{split}-{part.start:05d}.npz"
+        for part in _parts(numbers, shard):
+            path = _shard_path(folder, split, part)
             solved, digest = _whole_shard(path)
-            if not digest:
+            if not digest and path in submitted:
+                solved = submitted[path].result()
+            elif not digest:
                 for case in solved_cases(part, seed, workers, **recipe["size"]):
                     solved.append(case)
                     progress(done + part.index(case.number) + 1)
@@ -163,6 +169,35 @@ def check_data_set(folder: Path) -> dict[str, Any]:
     for split in manifest["splits"]:
         _check_distinct(split, read_data_set(folder, split), seen)
     return manifest
+
+
+def _parts(numbers: range, shard: int) -> list[range]:
+    """The numbers of each shard."""
+    return [numbers[first : first + shard] for first in range(0, len(numbers), shard)]
+
+
+def _shard_path(folder: Path, split: str, part: range) -> Path:
+    return folder / f"{split}-{part.start:05d}.npz"
+
+
+def _submit(
+    executor: Executor, folder: Path, seed: int, splits: Mapping[str, range], recipe: Mapping[str, Any]
+) -> dict[Path, Future[list[SolvedCase]]]:
+    """Let ``executor`` solve the cases of all shards that are missing or damaged."""
+    parts = {
+        _shard_path(folder, split, part): part
+        for split, numbers in splits.items()
+        for part in _parts(numbers, recipe["shard"])
+    }
+    return {
+        path: executor.submit(_solve, part, seed, recipe["size"])
+        for path, part in parts.items()
+        if not _whole_shard(path)[1]
+    }
+
+
+def _solve(numbers: range, seed: int, size: Mapping[str, float]) -> list[SolvedCase]:
+    return list(solved_cases(numbers, seed, workers=1, **size))
 
 
 def _recipe(seed: int, splits: Mapping[str, range], size: Mapping[str, float], shard: int) -> dict[str, Any]:

@@ -5,7 +5,9 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -22,6 +24,8 @@ from magat_training.samples import Instants
 #: Limit of a search, in high-level expansions. It is lower than that of the cases: an untrained policy reaches states
 #: that take the expert a minute, and there are enough others to learn from.
 NODE_LIMIT = 1_000
+#: Cases in a piece of work for an executor.
+PIECE = 25
 
 
 @dataclass(frozen=True)
@@ -70,8 +74,10 @@ def correct_states(policy: Policy, solved: Sequence[SolvedCase], chosen: Sequenc
 
     note()
     run_policy(policy, simulator, lambda _: note())
-    now = np.concatenate(positions)
-    cases = [chosen[place] for place in np.concatenate(places)]
+    # Case by case, so that the order does not depend on which cases are run together.
+    order = np.argsort(np.concatenate(places), kind="stable")
+    now = np.concatenate(positions)[order]
+    cases = [chosen[place] for place in np.concatenate(places)[order]]
     paths = _paths(solved, cases, list(now))
     kept = np.flatnonzero([path is not None for path in paths])
     after = [path[min(1, len(path) - 1)] for path in paths if path is not None]
@@ -83,11 +89,41 @@ def correct_states(policy: Policy, solved: Sequence[SolvedCase], chosen: Sequenc
     return Correction(instants, simulator.measures([solved[i].flowtime for i in chosen]))
 
 
+#: A function such as `correct_failures`.
+Correct = Callable[[Policy, Sequence[SolvedCase], Sequence[int], int], Correction]
 #: Ways to ask the expert while training, by name.
-CORRECTIONS: dict[str, Callable[[Policy, Sequence[SolvedCase], Sequence[int], int], Correction]] = {
+CORRECTIONS: dict[str, Correct] = {
     "failures": correct_failures,
     "states": correct_states,
 }
+
+
+def correct_in_pieces(
+    executor: Executor,
+    correct: Correct,
+    policy: Policy,
+    solved: Sequence[SolvedCase],
+    chosen: Sequence[int],
+    seed: int,
+) -> Correction:
+    """What ``correct`` returns for the arguments after it, computed by ``executor`` in pieces of `PIECE` cases."""
+    pieces = [chosen[start : start + PIECE] for start in range(0, len(chosen), PIECE)]
+    work = partial(_correct_piece, correct, policy, seed)
+    found = list(executor.map(work, pieces, [[solved[i] for i in piece] for piece in pieces]))
+    instants = [one.instants for one in found if one.instants is not None]
+    return Correction(
+        Instants.join(instants) if instants else None, [episode for one in found for episode in one.episodes]
+    )
+
+
+def _correct_piece(
+    correct: Correct, policy: Policy, seed: int, piece: Sequence[int], solved: Sequence[SolvedCase]
+) -> Correction:
+    found = correct(policy, solved, range(len(solved)), seed)
+    if found.instants is None:
+        return found
+    numbers = np.asarray(piece, dtype=np.int32)[found.instants.case]
+    return replace(found, instants=replace(found.instants, case=numbers))
 
 
 def _paths(solved: Sequence[SolvedCase], cases: Sequence[int], starts: Sequence[IntArray]) -> list[IntArray | None]:

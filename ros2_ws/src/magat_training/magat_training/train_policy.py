@@ -5,21 +5,28 @@
 
 import dataclasses
 import shutil
+from contextlib import nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import torch
 from rich.console import Console
 
+from magat_evaluation import executor as executors
 from magat_evaluation.cases import SolvedCase
+from magat_evaluation.family import Training
 from magat_evaluation.measures_file import MEASURES, measure
 from magat_evaluation.sets import STANDARD_SETS
 from magat_evaluation.splits import SET_SEED, SET_SIZE, SPLITS
 from magat_evaluation.tables import markdown
 from magat_node import interruption
+from magat_node.errors import MagatError
+from magat_node.lock import locked
 from magat_node.progress import progress_bars
 from magat_robot.policy.backends import ensure_exported
 from magat_robot.policy.config import ModelError
+from magat_robot.policy.folder import read_folder
 from magat_robot.policy.store import CARD, save
 from magat_training.card import card
 from magat_training.data import MANIFEST, read_data_set, read_manifest
@@ -29,62 +36,94 @@ from magat_training.trainer import TrainConfig, Trainer
 from magat_training.workers import Workers
 
 
-def train_policy(
-    recipe: str,
-    changes: dict[str, Any],
-    data_folder: Path,
-    output: Path | None,
-    threads: int,
-    measures: bool,
-    console: Console,
-) -> Path:
+@dataclass(frozen=True)
+class Options:
+    """How a policy is trained, besides its recipe."""
+
+    #: The data set to train on; made if there is none.
+    data: Path
+    #: Of torch in each process.
+    threads: int = 1
+    #: Whether to measure the trained policy on the standard sets.
+    measures: bool = True
+    #: Where the online expert does its work, and new cases are solved.
+    workers: executors.Workers = 1
+
+
+def train_policy(config: TrainConfig, output: Path, options: Options, console: Console) -> Path:
     """Train a policy, or resume a run that was interrupted.
 
     Processes started by torchrun train together; only the first one prints, writes files and measures.
 
     Args:
-        recipe: see `read_recipe`.
-        changes: fields of `TrainConfig`, or ``temperature``, that differ from the recipe.
-        data_folder: the data set to train on; made if there is none.
-        output: folder of the run, ``runs/[name]`` if None; the policy's folder is made in it.
-        threads: of torch in each process.
-        measures: whether to measure the trained policy on the standard sets.
+        config: its recipe.
+        output: folder of the run; the policy's folder is made in it.
+        options: everything else.
         console: shows the progress.
 
     Returns:
         The policy's folder.
 
     Raises:
-        ModelError: there is no such recipe, or the folder holds another run.
+        LockedError: another process trains in the folder.
+        MagatError: the folder holds another run, is damaged or cannot be written; or the workers cannot be used.
         KeyboardInterrupt: with a message that the training can be resumed.
     """
-    config = _changed(read_recipe(recipe), changes)
-    output = output or Path("runs") / config.policy.name.lower()
-    torch.set_num_threads(threads)
+    torch.set_num_threads(options.threads)
     workers = Workers.join()
+    folder = output / training_of(config).name
     try:
-        if workers.first and not (data_folder / MANIFEST).exists():
-            make(data_folder, sum(map(len, SPLITS.values())), SET_SEED, dict(SET_SIZE), console)
-        workers.wait()
-        train, valid = (
-            _cases(data_folder, split, count)
-            for split, count in (("train", config.train_cases), ("valid", config.valid_cases))
-        )
-        try:
-            trainer = Trainer(config, output, train, valid, workers)
-        except ValueError as error:
-            raise ModelError(str(error)) from error
-        _run(trainer, console, quiet=not workers.first)
+        with (
+            locked(output) if workers.first else nullcontext(),
+            nullcontext() if options.workers == 1 else executors.executor(options.workers) as pool,
+        ):
+            if workers.first:
+                ensure_data(options, console)
+            workers.wait()
+            train, valid = (
+                _cases(options.data, split, count)
+                for split, count in (("train", config.train_cases), ("valid", config.valid_cases))
+            )
+            trainer = Trainer(config, output, train, valid, workers, pool)
+            _run(trainer, console, quiet=not workers.first)
+            if workers.first:
+                hardware = f"{workers.count} process(es) of {options.threads} thread(s)"
+                cases = read_manifest(options.data)["recipe"]
+                _write_policy(trainer, folder, cases, hardware, options.measures, console)
+    except OSError as error:
+        raise ModelError(
+            f"{output} cannot be written ({error.strerror or error}): make room, and run the command again to resume"
+        ) from error
+    except ValueError as error:
+        raise error if isinstance(error, MagatError) else ModelError(str(error)) from error
     finally:
         workers.leave()
-    folder = output / config.policy.name
-    if workers.first:
-        hardware = f"{workers.count} process(es) of {threads} thread(s)"
-        _write_policy(trainer, folder, read_manifest(data_folder)["recipe"], hardware, measures, console)
     return folder
 
 
-def _changed(config: TrainConfig, changes: dict[str, Any]) -> TrainConfig:
+def ensure_data(options: Options, console: Console) -> None:
+    """Make the data set if there is none."""
+    if not (options.data / MANIFEST).exists():
+        make(options.data, sum(map(len, SPLITS.values())), SET_SEED, dict(SET_SIZE), console, options.workers)
+
+
+def training_of(config: TrainConfig) -> Training:
+    """The policy, seed and taps of ``config``, which name its folders."""
+    return Training(config.policy.name, config.seed, config.policy.taps)
+
+
+def is_finished(config: TrainConfig, output: Path) -> bool:
+    """Whether the run in ``output`` has written its policy, by the recipe ``config``, and the weights are intact."""
+    folder = output / training_of(config).name
+    try:
+        read_folder(folder)
+        return read_recipe(str(folder / RECIPE)) == config
+    except ModelError:
+        return False
+
+
+def changed(config: TrainConfig, changes: dict[str, Any]) -> TrainConfig:
+    """``config`` with ``changes``: fields of `TrainConfig`, or the sampling ``temperature``."""
     if "temperature" in changes:
         policy = dataclasses.replace(config.policy, temperature=changes["temperature"])
         changes = {name: value for name, value in changes.items() if name != "temperature"} | {"policy": policy}
@@ -119,9 +158,9 @@ def _run(trainer: Trainer, console: Console, quiet: bool) -> None:
 def _write_policy(
     trainer: Trainer, folder: Path, cases: dict[str, Any], hardware: str, measures: bool, console: Console
 ) -> None:
+    (folder / RECIPE).unlink(missing_ok=True)
     text = card(trainer.config, trainer.folder, cases, hardware)
     digest = save(trainer.best_network(), folder, text)
-    write_recipe(trainer.config, folder / RECIPE)
     (folder / MEASURES).unlink(missing_ok=True)  # those of the weights before
     if measures:
         reports = measure(folder, STANDARD_SETS, console)
@@ -129,4 +168,5 @@ def _write_policy(
     shutil.copy(trainer.folder / "log.jsonl", folder / "log.jsonl")
     with console.status("exporting the policy for onnxruntime"):
         ensure_exported(folder)
+    write_recipe(trainer.config, folder / RECIPE)  # the last file: a folder with a recipe is complete
     console.print(f"{trainer.config.policy.name}, digest {digest[:12]}: {folder}")

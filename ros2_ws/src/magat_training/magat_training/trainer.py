@@ -7,10 +7,13 @@ import copy
 import dataclasses
 import json
 import math
+import shutil
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +30,8 @@ from magat_robot.policy.config import PolicyConfig
 from magat_robot.policy.network import PolicyNetwork
 from magat_robot.policy.policy import Policy
 from magat_sim.measures import summarise
-from magat_training.online import CORRECTIONS
+from magat_training.checkpoint import read_checkpoint, write_checkpoint
+from magat_training.online import CORRECTIONS, correct_in_pieces
 from magat_training.samples import Batch, Instants, Pool, Sampler
 from magat_training.workers import ALONE, Workers
 
@@ -84,12 +88,23 @@ class Trainer:
         train: list[SolvedCase],
         valid: list[SolvedCase],
         workers: Workers = ALONE,
+        executor: Executor | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Start a run in ``folder``, or resume the run that is there.
 
+        Args:
+            config: how to train.
+            folder: of the run. Files of a run that was interrupted before its first checkpoint are removed.
+            train: cases to learn from.
+            valid: cases to validate on.
+            workers: the processes that train together.
+            executor: does the work of the online expert; this process if None. The weights do not depend on it.
+            clock: measures the seconds that are logged.
+
         Raises:
-            ValueError: there are no cases; the run in ``folder`` has another configuration; the batch cannot be divided
-                among the processes; or there are too few cases for the online expert.
+            ValueError: there are no cases; the run in ``folder`` has another configuration or is damaged; the batch
+                cannot be divided among the processes; or there are too few cases for the online expert.
         """
         if config.batch % workers.count:
             raise ValueError(
@@ -103,6 +118,8 @@ class Trainer:
         #: Seconds that this process has spent in each part of the training, by name.
         self.spent: dict[str, float] = {}
         self._workers = workers
+        self._executor = executor
+        self._clock = clock
         self._train = train
         self._valid = valid
         self._sampler = Sampler(train)
@@ -124,6 +141,9 @@ class Trainer:
         folder.mkdir(parents=True, exist_ok=True)
         if self._checkpoint.exists():
             self._resume()
+        elif workers.first:
+            self._log.unlink(missing_ok=True)
+            shutil.rmtree(folder / "tensorboard", ignore_errors=True)
 
     @property
     def _checkpoint(self) -> Path:
@@ -133,17 +153,23 @@ class Trainer:
     def _log(self) -> Path:
         return self.folder / "log.jsonl"
 
-    def run(self, on_step: Callable[[int, float], None] | None = None) -> None:
-        """Train to the last step; ``on_step`` is called with the step and its loss after each step."""
+    def run(self, on_step: Callable[[int, float], None] | None = None, until: int | None = None) -> None:
+        """Train to the last step.
+
+        Args:
+            on_step: called with the step and its loss after each step.
+            until: a step to stop at before. The next validation then logs the mean loss of what follows it only.
+        """
         losses: list[float] = []
-        while self.step < self.config.steps:
-            started = time.monotonic()
+        last = self.config.steps if until is None else min(until, self.config.steps)
+        while self.step < last:
+            started = self._clock()
             if self._asks_online():
                 with self._timed("online expert"):
                     self._ask_online_expert()
             losses.append(self.train_step())
             self.step += 1
-            self.seconds += time.monotonic() - started
+            self.seconds += self._clock() - started
             if on_step is not None:
                 on_step(self.step, losses[-1])
             if self.step % self.config.validate_every == 0 or self.step == self.config.steps:
@@ -156,7 +182,7 @@ class Trainer:
     def best_network(self) -> PolicyNetwork:
         """The network with the best validation so far, see `score`."""
         network = PolicyNetwork(self.config.policy)
-        network.load_state_dict(torch.load(self.folder / "best.pt", weights_only=True))
+        network.load_state_dict(read_checkpoint(self.folder / "best.pt"))
         return network
 
     def train_step(self) -> float:
@@ -199,7 +225,10 @@ class Trainer:
         chosen = rng.choice(len(self._train), min(self.config.online_cases, len(self._train)), replace=False)
         mine = self._workers.share(chosen.tolist())
         self._workers.share_statistics(self.network)  # all run the policy that the checkpoint holds
-        correction = CORRECTIONS[self.config.online](self._policy(visit_memory=0.0), self._train, mine, self.step)
+        correct = CORRECTIONS[self.config.online]
+        if self._executor is not None:
+            correct = partial(correct_in_pieces, self._executor, correct)
+        correction = correct(self._policy(visit_memory=0.0), self._train, mine, self.step)
         corrections = self._workers.everyones(correction)
         self._online_alpha = summarise([episode for one in corrections for episode in one.episodes]).alpha
         self._corrections += [one.instants for one in corrections if one.instants is not None]
@@ -222,7 +251,7 @@ class Trainer:
         reached = score(measures.alpha, measures.delta_ft)
         if reached > self.best:
             self.best = reached
-            torch.save(self._weights(), self.folder / "best.pt")
+            write_checkpoint(self.folder / "best.pt", self._weights())
         record = {
             "step": self.step,
             "loss": loss,
@@ -263,11 +292,10 @@ class Trainer:
             "network": self._weights(),
             "optimiser": self._optimiser.state_dict(),
         }
-        with write_atomically(self._checkpoint) as draft:
-            torch.save(state, draft)
+        write_checkpoint(self._checkpoint, state)
 
     def _resume(self) -> None:
-        state: dict[str, Any] = torch.load(self._checkpoint, weights_only=True)
+        state = read_checkpoint(self._checkpoint)
         if state["config"] != dataclasses.asdict(self.config):
             raise ValueError(f"{self._checkpoint} belongs to a run with another configuration: choose another folder")
         if state["workers"] != self._workers.count:
@@ -275,8 +303,6 @@ class Trainer:
                 f"{self._checkpoint} belongs to a run of {state['workers']} processes, not {self._workers.count}: "
                 f"start {state['workers']}"
             )
-        if "corrections" not in state:
-            raise ValueError(f"{self._checkpoint} was written by an older version: choose another folder")
         self.step, self.best, self.seconds = state["step"], state["best"], state["seconds"]
         if self._workers.first and self._log.exists():
             # A run that was killed between log and checkpoint repeats that validation; one that was killed while it
@@ -295,11 +321,11 @@ class Trainer:
 
     @contextmanager
     def _timed(self, part: str) -> Iterator[None]:
-        started = time.monotonic()
+        started = self._clock()
         try:
             yield
         finally:
-            self.spent[part] = self.spent.get(part, 0.0) + time.monotonic() - started
+            self.spent[part] = self.spent.get(part, 0.0) + self._clock() - started
 
 
 def score(alpha: float, delta_ft: float) -> float:

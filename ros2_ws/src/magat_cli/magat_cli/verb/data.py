@@ -7,7 +7,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from magat_cli.options import Options, add_size, positive, size_of
+from magat_cli.options import Options, add_size, add_workers, positive, size_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -22,6 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     make.add_argument("--cases", type=positive, default=SPLITS["test"].stop, help="number of cases, split 70/15/15 %%")
     make.add_argument("--output", type=Path, help="folder (default: data/[width]x[height]-[robots])")
     add_size(make)
+    add_workers(make)
     show = actions.add_parser("show", help="verify a data set and print its contents")
     show.add_argument("folder", type=Path)
 
@@ -36,5 +37,5 @@ def main(options: Options, console: "Console") -> int:
         show(options.folder, Console())
     else:
         folder = options.output or Path("data") / f"{options.width}x{options.height}-{options.robots}"
-        make(folder, options.cases, options.seed, size_of(options), console)
+        make(folder, options.cases, options.seed, size_of(options), console, options.workers)
     return 0

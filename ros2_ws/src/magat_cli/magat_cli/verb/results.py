@@ -7,7 +7,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from magat_cli.options import Options, add_policies, policies_of, positive
+from magat_cli.options import Options, add_policies, add_workers, policies_of, positive
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--study", nargs="+", metavar="NAME", help="studies to measure (default: all)")
     parser.add_argument("--shield", nargs="+", choices=SHIELDS, help="shields to measure (default: all)")
     parser.add_argument("--cases", type=positive, metavar="N", help="at most N of each set (default: all)")
-    parser.add_argument("--workers", type=positive, default=1, help="processes (default: 1)")
+    add_workers(parser)
     parser.add_argument("--output", type=Path, default=Path("docs"), help="folder of the page (default: docs)")
     parser.add_argument(
         "--no-measure", action="store_true", help="measure nothing: write the page again from its CSV files"

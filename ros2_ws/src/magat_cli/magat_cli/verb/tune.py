@@ -7,7 +7,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from magat_cli.options import Options, add_policies, policies_of, positive
+from magat_cli.options import Options, add_policies, add_workers, policies_of, positive
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--shield", choices=SHIELDS, nargs="+", default=list(SHIELDS), help="(default: all)")
     parser.add_argument("--temperatures", type=float, nargs="+", metavar="T", help="(default: 5 from 0.25 to 1)")
     parser.add_argument("--cases", type=positive, metavar="N", help="at most N of each map (default: all)")
-    parser.add_argument("--workers", type=positive, default=1, help="processes (default: 1)")
+    add_workers(parser)
     parser.add_argument("--output", type=Path, default=Path("runs/tune"), help="folder (default: runs/tune)")
 
 

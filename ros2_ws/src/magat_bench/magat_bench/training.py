@@ -1,12 +1,16 @@
 # Copyright 2026 MAGAT maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``magat bench-training``: observations per second in training, the time of each part, and the limit of the CPU."""
+"""``magat bench-training``: observations per second in training, the time of each part, and the limit of the CPU.
+
+Times are CPU times of this process, and recipes take turns: other load on the machine hardly changes their ratio.
+"""
 
 import dataclasses
 import math
 import tempfile
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,6 +30,8 @@ from magat_training.trainer import TrainConfig, Trainer
 
 #: Steps before the timing begins.
 WARM_UP = 10
+#: Steps of one recipe before the next one has its turn.
+TURN = 10
 #: The parts of a step.
 PARTS = ("sampling", "forward", "backward", "optimiser")
 #: Names of operators in the table, by a part of torch's name; the first match counts.
@@ -86,62 +92,83 @@ class TrainingBench:
         return self.config.batch * self.robots * self.config.steps / sum(self.run.values())
 
 
-def bench_training(name: str, threads: int, steps: int, cases: int, console: Console) -> TrainingBench:
-    """Train the policy ``name`` for some steps, with one round of the online expert and one validation.
+def bench_training(
+    configs: Sequence[TrainConfig], threads: int, steps: int, cases: int, console: Console
+) -> list[TrainingBench]:
+    """Train by each recipe for some steps, in turns, with one round of the online expert and one validation.
 
-    It starts from the weights in models/, if there are any: an untrained policy fails more often, and its episodes take
-    longer than those in most of a training.
+    A training starts from the weights in models/, if there are any of this recipe's policy: an untrained policy fails
+    more often, and its episodes take longer than those in most of a training.
 
     Args:
-        name: of the policy.
+        configs: the recipes.
         threads: for torch.
         steps: number of timed steps.
         cases: number of training cases, drawn and solved first, and the most validation cases.
         console: shows the progress.
+
+    Returns:
+        The measures of each recipe.
     """
     torch.set_num_threads(threads)
-    config = TrainConfig(policy=dataclasses.replace(TrainConfig().policy, name=name))
     train, valid = (
         list(tracked(solved_cases(numbers), what, len(numbers), console))
         for what, numbers in (
             ("training cases", SPLITS["train"][:cases]),
-            ("validation cases", SPLITS["valid"][: min(config.valid_cases, cases)]),
+            ("validation cases", SPLITS["valid"][: min(max(config.valid_cases for config in configs), cases)]),
         )
     )
     last = WARM_UP + steps
-    once = dataclasses.replace(config, steps=last, online_from=0, online_every=last, validate_every=last)
-    with tempfile.TemporaryDirectory() as folder:
-        trainer = Trainer(once, Path(folder), train, valid)
-        _take_weights(trainer, name)
-        before: dict[str, float] = {}
-        with progress_bars(console) as progress:
-            task = progress.add_task("training", total=last)
+    with tempfile.TemporaryDirectory() as folder, progress_bars(console) as progress:
+        task = progress.add_task("training", total=last * len(configs))
+        trainers = []
+        for number, config in enumerate(configs):
+            once = dataclasses.replace(config, steps=last, online_from=0, online_every=last, validate_every=last)
+            own = Path(folder) / str(number)
+            trainers.append(Trainer(once, own, train, valid[: config.valid_cases], clock=time.process_time))
+            _take_weights(trainers[-1])
+        before: list[dict[str, float]] = []
+        for until in [WARM_UP, *range(WARM_UP + TURN, last, TURN), last]:
+            for trainer in trainers:
+                trainer.run(lambda *_: progress.advance(task), until)
+            before = before or [dict(trainer.spent) for trainer in trainers]
+    peak = _peak()
+    return [
+        _bench(config, threads, steps, trainer.spent, start, train, peak)
+        for config, trainer, start in zip(configs, trainers, before, strict=True)
+    ]
 
-            def note(step: int, _: float) -> None:
-                progress.advance(task)
-                if step == WARM_UP:
-                    before.update(trainer.spent)
 
-            trainer.run(note)
-    parts = {part: (trainer.spent[part] - before[part]) / steps for part in PARTS}
+def _bench(
+    config: TrainConfig,
+    threads: int,
+    steps: int,
+    spent: dict[str, float],
+    before: dict[str, float],
+    train: list[SolvedCase],
+    peak: float,
+) -> TrainingBench:
+    """The measures of ``config`` from the seconds ``spent`` on each part, those of the warm-up ``before`` included."""
     plain = dataclasses.replace(config, online="off")
-    observations = config.batch * train[0].case.robots
+    robots = train[0].case.robots
     return TrainingBench(
         config,
         threads,
-        train[0].case.robots,
-        parts,
-        trainer.spent["online expert"],
-        trainer.spent["validation"],
+        robots,
+        {part: (spent[part] - before[part]) / steps for part in PARTS},
+        spent.get("online expert", 0.0),
+        spent["validation"],
         _operators(dataclasses.replace(plain, steps=5), train),
-        _flops(dataclasses.replace(plain, steps=1), train) / observations,
-        _peak(),
+        _flops(dataclasses.replace(plain, steps=1), train) / (config.batch * robots),
+        peak,
     )
 
 
 def table(bench: TrainingBench) -> Group:
     """``bench`` for the terminal."""
-    whole = Table(title=f"{bench.config.policy.name}, {bench.threads} thread(s)", title_justify="left")
+    policy = bench.config.policy
+    title = f"{policy.name}, CNN {policy.cnn} {policy.channels}, {bench.threads} thread(s), CPU time"
+    whole = Table(title=title, title_justify="left")
     for heading in ("part", "ms per step", "share of a step", "share of a run"):
         whole.add_column(heading, justify="left" if heading == "part" else "right", overflow="fold")
     total = sum(bench.run.values())
@@ -166,9 +193,9 @@ def table(bench: TrainingBench) -> Group:
     )
 
 
-def _take_weights(trainer: Trainer, name: str) -> None:
+def _take_weights(trainer: Trainer) -> None:
     try:
-        network, _ = load_network(find_policy(name))
+        network, _ = load_network(find_policy(trainer.config.policy.name))
     except ModelError:
         return  # not trained yet
     if network.config == dataclasses.replace(trainer.config.policy, temperature=network.config.temperature):
@@ -202,7 +229,7 @@ def _peak(size: int = 1536, repetitions: int = 8) -> float:
     left, right = torch.rand(size, size), torch.rand(size, size)
     best = 0.0
     for _ in range(repetitions):
-        started = time.perf_counter()
+        started = time.process_time()
         torch.mm(left, right)
-        best = max(best, 2 * size**3 / (time.perf_counter() - started))
+        best = max(best, 2 * size**3 / (time.process_time() - started))
     return best

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The verb's options."""
-    parser.add_argument("--policy", default="MAGAT-F-128", help="name of a policy (default: MAGAT-F-128)")
+    parser.add_argument(
+        "recipes", nargs="*", help="names of policies, or YAML files, to compare (default: MAGAT-F-128)"
+    )
     parser.add_argument("--threads", type=positive, default=1, help="(default: 1)")
     parser.add_argument("--steps", type=positive, default=100, help="number of timed steps (default: 100)")
     parser.add_argument("--cases", type=positive, default=2_000, help="training cases (default: 2,000)")
@@ -25,7 +27,9 @@ def main(options: Options, console: "Console") -> int:
     from rich.console import Console
 
     from magat_bench.training import bench_training, table
+    from magat_training.recipe import read_recipe
 
-    bench = bench_training(options.policy, options.threads, options.steps, options.cases, console)
-    Console().print(table(bench))
+    configs = [read_recipe(recipe) for recipe in options.recipes or ["MAGAT-F-128"]]
+    benches = bench_training(configs, options.threads, options.steps, options.cases, console)
+    Console().print(*map(table, benches))
     return 0

@@ -38,6 +38,10 @@ test: setup-dev ## Run the tests (ARGS="-k shield" passes options to pytest)
 test-system: setup-dev ## Run all tests with real processes, including the slow ones and those that inject faults
 	@$(SOURCE_WORKSPACE) && $(BIN)/python -m pytest -m "system or faults" $(ARGS)
 
+.PHONY: test-sanitizers
+test-sanitizers: setup-dev ## Run the tests of the expert with its C++ checked by AddressSanitizer and UBSan
+	@$(SOURCE_WORKSPACE) && tests/expert/sanitized.sh $(ARGS)
+
 .PHONY: bench-expert
 bench-expert: setup ## Time the expert on the scenario sets (ARGS="--large" adds the large ones)
 	@$(BIN)/magat bench-expert $(ARGS)

@@ -23,9 +23,11 @@ with quiet_imports():
     from magat_interfaces.srv import SolveMapf
     from magat_node import cdr, topics
     from magat_node.deferred import RunningGoal, SingleGoalActionServer
+    from magat_node.errors import UnusableMessageError
     from magat_node.names import check_robot_name
     from magat_node.parameters import SettableParameters, declare_choice, declare_seconds, declare_share, declare_value
     from magat_node.run import run_node
+    from magat_node.status_check import status_fault
     from magat_node.unpredictable import shuffled
     from magat_sim.case import Case, InvalidCaseError, draw_case, make_case
     from magat_sim.constants import EXPERT_W
@@ -104,13 +106,12 @@ class SimulatorNode(Node):
     # --- Parameters that can be set between episodes ---
 
     def _declare_settable(self) -> None:
-        for name, default, meaning in (
-            ("ready_timeout", 60.0, "how long to wait for the team and the expert"),
-            ("expert_time_limit", 10.0, "how long the expert may search"),
-            ("tick_deadline", 1.0, "how long to wait in a tick for preferences; a robot that is silent then idles"),
-            ("relay_deadline", 0.1, "how long to wait in a tick, in all its rounds, for messages to relay"),
-        ):
-            declare_seconds(self, name, default, meaning, fixed=False)
+        declare_seconds(self, "ready_timeout", 60.0, "how long to wait for the team and the expert", fixed=False)
+        declare_seconds(self, "expert_time_limit", 10.0, "how long the expert may search", fixed=False)
+        meaning = "how long to wait in a tick for preferences; a robot that is silent then idles"
+        declare_seconds(self, "tick_deadline", 1.0, meaning, fixed=False)
+        meaning = "how long to wait in a tick, in all its rounds, for messages to relay"
+        declare_seconds(self, "relay_deadline", 0.1, meaning, fixed=False)
         declare_share(self, "link_loss", 0.0, "share of the radio links that are lost in each tick", fixed=False)
         declare_choice(self, "shield", "idle", list(SHIELDS), "what keeps robots from colliding", fixed=False)
 
@@ -151,6 +152,9 @@ class SimulatorNode(Node):
         self._server.beat()
 
     def _on_status(self, message: RobotStatus) -> None:
+        wrong = status_fault(message)
+        if wrong is not None:
+            raise UnusableMessageError(f"a status in which {wrong}")
         equipment = Equipment(message.digest, message.encoding, message.radio, message.rounds)
         for name in message.robots:
             if name in self._team.by_name:

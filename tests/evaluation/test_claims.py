@@ -10,14 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from rich.console import Console
 
-from magat_evaluation import claims
+from magat_evaluation import claims, times
 from magat_evaluation.claims import Verdict, alike, difference, level, most, ordered
 from magat_evaluation.measured import Condition, Measured, family
 from magat_evaluation.outcomes import PARTS, Outcomes
 from magat_evaluation.paper import CLAIMS, DENSER, POLICIES, SAME, claims_table, findings, panels_table, verdicts_line
 from magat_evaluation.report import Report
-from magat_evaluation.sets import TEST_SETS
+from magat_evaluation.sets import TEST_SETS, CaseSet
 from magat_evaluation.studies import figure
 from magat_evaluation.summaries import aims_table, best_policy, mute_table, trainings_table
 from magat_evaluation.times import Time, times_table
@@ -212,3 +213,23 @@ def test_times_are_for_each_successful_case() -> None:
     assert found[1][-2:] == ["0.9", "reproduced"]
     assert found[2][-1] == "not reproduced"
     assert times_table([]) == ""
+
+
+def test_times_are_measured_until_all_maps_are_there(
+    policies: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(TEST_SETS, "large", [CaseSet.square(8, 3, 1), CaseSet.square(9, 3, 1)])
+    named = {times.PAPER_POLICY: policies["first"]}
+    times.update_times(named, tmp_path, Console(quiet=True))
+    found = times.read_times(tmp_path / times.TIMES)
+    assert [(one.map, one.cases) for one in found] == [("8x8 (3)", 1), ("9x9 (3)", 1)]
+    assert all(one.policy_seconds >= 0 and one.digest for one in found)
+    asked: list[Path] = []
+    monkeypatch.setattr(times, "measure_times", lambda folder, *_: asked.append(folder))
+    times.update_times(named, tmp_path, Console(quiet=True))
+    times.update_times({"second": policies["second"]}, tmp_path, Console(quiet=True))
+    assert not asked
+    lines = (tmp_path / times.TIMES).read_text().splitlines()
+    (tmp_path / times.TIMES).write_text("\n".join(lines[:-1]) + "\n")
+    times.update_times(named, tmp_path, Console(quiet=True))
+    assert asked == [policies["first"]]

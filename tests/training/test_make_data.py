@@ -62,7 +62,7 @@ def test_an_interrupted_command_says_how_it_is_resumed_and_resumes(capfd, tmp_pa
         (["make", "--cases", "30001"], "ask for 3 to 30000"),
         (["make", "--robots", "500"], "do not fit"),
         (["make", "--seed", "-1"], "seed of at least 0"),
-        (["make", "--cases", "3", "--output", "file"], "file cannot be written"),
+        (["make", "--cases", "3", "--output", "file"], "the folder file cannot be made"),
         (["show", "nowhere"], "nowhere has no manifest.json"),
     ],
 )

@@ -204,12 +204,13 @@ class Crew:
         else:
             self._awaited = set(self._audible - self.exchange.kept(self._round).keys())
         ready = not self._awaited
+        number = self._round  # the next round may begin before all have sent
         # In a fixed order, the place of a message would tell which of these robots has sent it.
         for (robot, observation), values in shuffled(
             zip(self._observations.items(), self._latent.messages, strict=True)
         ):
             data = payload.encode(values, self._policy.config.encoding)
-            self._send(robot, Message(observation.episode, observation.tick, self._round, observation.own_tag, data))
+            self._send(robot, Message(observation.episode, observation.tick, number, observation.own_tag, data))
         if ready:
             self._fuse()
 

@@ -265,16 +265,17 @@ def test_a_run_that_is_killed_while_it_writes_a_file_goes_on(
 ) -> None:
     written: list[str] = []
 
-    def tear(state: dict, path: Path, save: Callable = torch.save) -> None:
-        save(state, path)
+    def tear(path: Path, content: bytes, write: Callable = Path.write_bytes) -> None:
         written.append(path.name.partition(".")[0])
         if written[-1] == name and written.count(name) == number:
-            path.write_bytes(path.read_bytes()[:1000])
+            write(path, content[:1000])
             raise PlugPulledError
+        write(path, content)
 
-    monkeypatch.setattr(torch, "save", tear)
-    with pytest.raises(PlugPulledError):
-        trained(tmp_path, solved)
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "write_bytes", tear)
+        with pytest.raises(PlugPulledError):
+            trained(tmp_path, solved)
     check_same(trained(tmp_path, solved), straight("states"))
 
 

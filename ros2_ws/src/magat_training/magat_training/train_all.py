@@ -3,7 +3,6 @@
 
 """``magat train --all``: the family's trainings, one after another, and their policies to models/."""
 
-import dataclasses
 import shutil
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from magat_node.lock import LockedError
 from magat_node.progress import progress_bars
 from magat_robot.policy.config import ModelError
 from magat_robot.policy.folder import read_folder
+from magat_training.recipe import recipe
 from magat_training.train_policy import Options, changed, ensure_data, is_finished, train_policy
 from magat_training.trainer import TrainConfig
 
@@ -64,10 +64,9 @@ def train_all(
 
 
 def config_of(training: Training, changes: dict[str, Any] | None = None) -> TrainConfig:
-    """The recipe of ``training``: the defaults of `TrainConfig`, with ``changes`` as `changed` takes them."""
-    config = TrainConfig()
-    policy = dataclasses.replace(config.policy, name=training.policy, taps=training.taps)
-    return changed(dataclasses.replace(config, policy=policy, seed=training.seed), changes or {})
+    """The recipe of ``training``: see `recipe`, with ``changes`` as `changed` takes them."""
+    policy = {"name": training.policy, "taps": training.taps}
+    return changed(recipe({"policy": policy, "seed": training.seed}), changes or {})
 
 
 def install(folder: Path, models: Path) -> bool:

@@ -59,3 +59,9 @@ def test_a_file_that_is_no_recipe_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "bad.yaml").write_text(text)
     with pytest.raises(ModelError, match=r"bad\.yaml"):
         read_recipe(str(tmp_path / "bad.yaml"))
+
+
+def test_gnn_baseline_keeps_the_widths_of_its_paper_and_all_others_share_theirs() -> None:
+    assert read_recipe("GNN_baseline-F-128").policy.channels == PolicyConfig().channels == (32, 64, 128)
+    assert read_recipe("GNN-B-16").policy.channels == TrainConfig().policy.channels == (32, 32, 128)
+    assert recipe({"policy": {"name": "GNN_baseline-F-16", "channels": [4, 4, 8]}}).policy.channels == (4, 4, 8)

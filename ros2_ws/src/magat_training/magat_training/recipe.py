@@ -72,7 +72,11 @@ def write_recipe(config: TrainConfig, path: Path) -> None:
 def _policy(values: Any) -> PolicyConfig:
     if not isinstance(values, dict):
         raise ModelError(f"policy is {values!r}: give the name of one, or its fields")
-    return PolicyConfig.from_json(TrainConfig().policy.to_json() | values)
+    config = PolicyConfig.from_json(TrainConfig().policy.to_json() | values)
+    if config.layer.plain_cnn and "channels" not in values:
+        # GNN_baseline keeps the widths of Li et al., IROS 2020, which are the defaults of `PolicyConfig`.
+        return dataclasses.replace(config, channels=PolicyConfig().channels)
+    return config
 
 
 def _fits(value: Any, kind: Any) -> bool:

@@ -44,7 +44,9 @@ class TrainConfig:
         ValueError: an unknown way to ask the online expert.
     """
 
-    policy: PolicyConfig = field(default_factory=lambda: PolicyConfig(cnn="centred", temperature=0.75))
+    policy: PolicyConfig = field(
+        default_factory=lambda: PolicyConfig(channels=(32, 32, 128), cnn="centred", temperature=0.75)
+    )
     #: Training cases (numbers from 0) and validation cases.
     train_cases: int = 21_000
     valid_cases: int = 300

@@ -9,11 +9,11 @@ from pathlib import Path
 from unittest import mock
 
 import pytest
+from team_secret import SECRET
 
 from magat_bringup.run_plan import RunPlan
 from magat_cli.main import main
 from magat_robot.policy.models import find_policy
-from team_secret import SECRET
 
 POLICY = "MAGAT-F-128"
 

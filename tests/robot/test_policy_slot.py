@@ -178,7 +178,11 @@ def test_an_export_that_onnxruntime_cannot_load_is_refused(folders):
     assert "onnxruntime cannot load" in refusal_of(slot, digest, files | exported)
 
 
-@pytest.mark.parametrize("damage", ["[" * 100_000, '{"policy": ' * 5000, '{"policy": {"name": "' + "x" * 100_000 + '"}}'])
+@pytest.mark.parametrize(
+    "damage",
+    ["[" * 100_000, '{"policy": ' * 5000, '{"policy": {"name": "' + "x" * 100_000 + '"}}'],
+    ids=["lists", "objects", "text"],
+)
 def test_a_hostile_configuration_is_refused_in_a_few_words(folders, damage):
     slot = PolicySlot(load(folders["first"]), "torch")
     digest, files = offer(folders["second"])

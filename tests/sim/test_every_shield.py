@@ -36,4 +36,4 @@ def test_robots_never_collide(
 
 
 def test_the_names_are_those_of_the_shields() -> None:
-    assert SHIELD_NAMES == tuple(SHIELDS)
+    assert tuple(SHIELDS) == SHIELD_NAMES

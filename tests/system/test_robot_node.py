@@ -246,7 +246,8 @@ def test_a_hello_is_answered_in_the_name_that_it_asks(node):
 )
 def test_a_team_may_live_in_a_namespace_and_a_crew_in_it(two_rounds, options, topics):
     def found(radio, robots=None, **options):
-        parameters = {"policy": str(two_rounds), "radio": radio, "backend": "torch"} | ({"robots": robots} if robots else {})
+        parameters = {"policy": str(two_rounds), "radio": radio, "backend": "torch"}
+        parameters |= {"robots": robots} if robots else {}
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]
         node = RobotNode(context=context, parameter_overrides=overrides, **options)
         topics = {end.topic_name for end in (*node.publishers, *node.subscriptions)}

@@ -26,4 +26,4 @@ for library in libasan.so libubsan.so libstdc++.so; do
   libraries+=$(g++ -print-file-name=$library):
 done
 LD_PRELOAD=$libraries ASAN_OPTIONS=detect_leaks=0 PYTHONPATH=$PWD/$build:$PYTHONPATH MAGAT_SANITIZED=1 \
-  $python -m pytest -p no:cacheprovider tests/expert/test_{fuzz,solver,baselines,batch,properties}.py "$@"
+  $python -m pytest -p no:cacheprovider tests/expert/test_{fuzz,solver,baselines,batch,properties,lacam}.py "$@"

@@ -40,4 +40,14 @@ def solve_replan(
     memory_limit: int,
     stop: StopFlag | None,
 ) -> tuple[int, np.ndarray | None, int, int, float, int, int]: ...
+def solve_lacam(
+    obstacles: np.ndarray,
+    starts: np.ndarray,
+    goals: np.ndarray,
+    time_limit: float,
+    node_limit: int,
+    seed: int,
+    memory_limit: int,
+    stop: StopFlag | None,
+) -> tuple[int, np.ndarray | None, int, int, float, int, int]: ...
 def components(obstacles: np.ndarray) -> np.ndarray: ...

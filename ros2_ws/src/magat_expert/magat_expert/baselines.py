@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from magat_expert import _core
 from magat_expert.instance import (
     DEFAULT_MEMORY_LIMIT,
+    MAX_SEED,
     validate_count,
     validate_instance,
     validate_memory_limit,
@@ -15,8 +16,6 @@ from magat_expert.instance import (
 )
 from magat_expert.solver import Solution, StopFlag, solution_of
 
-#: Seeds are 64-bit numbers.
-_MAX_SEED = 2**64 - 1
 #: Limits the memory of paths of robots that circle each other without end.
 _MOST_STEPS = 1_000_000
 
@@ -57,7 +56,7 @@ def solve_hca(
     """
     time_limit = validate_time_limit(time_limit)
     orders = validate_count(orders, "orders", 1, 2**31 - 1)
-    seed = validate_count(seed, "seed", 0, _MAX_SEED)
+    seed = validate_count(seed, "seed", 0, MAX_SEED)
     most_bytes = validate_memory_limit(memory_limit)
     instance = validate_instance(obstacles, starts, goals)
     outcome = _core.solve_hca(
@@ -106,7 +105,7 @@ def solve_replan(
     """
     time_limit = validate_time_limit(time_limit)
     steps = -1 if max_steps is None else validate_count(max_steps, "max_steps", 0, _MOST_STEPS)
-    seed = validate_count(seed, "seed", 0, _MAX_SEED)
+    seed = validate_count(seed, "seed", 0, MAX_SEED)
     most_bytes = validate_memory_limit(memory_limit)
     instance = validate_instance(obstacles, starts, goals)
     outcome = _core.solve_replan(

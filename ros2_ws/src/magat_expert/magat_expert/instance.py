@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from magat_expert import _core
 
+MAX_SEED = 2**64 - 1  # seeds are 64-bit numbers
 MAX_ROBOTS = 32_767  # the search stores robots in 16 bits
 MAX_SIDE = 32_767  # paths store coordinates in 16 bits
 #: Largest suboptimality bound, and its default.

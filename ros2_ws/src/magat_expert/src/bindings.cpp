@@ -16,6 +16,7 @@
 #include "feasibility.hpp"
 #include "grid.hpp"
 #include "hca.hpp"
+#include "lacam.hpp"
 #include "memory.hpp"
 #include "replan.hpp"
 #include "solution.hpp"
@@ -25,6 +26,7 @@ namespace py = pybind11;
 using magat_expert::Ecbs;
 using magat_expert::Grid;
 using magat_expert::Hca;
+using magat_expert::Lacam;
 using magat_expert::Memory;
 using magat_expert::MemoryLimitReached;
 using magat_expert::Replan;
@@ -154,6 +156,16 @@ py::tuple solve_replan(const Mask& obstacles, const Cells& starts, const Cells& 
              });
 }
 
+py::tuple solve_lacam(const Mask& obstacles, const Cells& starts, const Cells& goals, double time_limit,
+                      std::int64_t node_limit, std::uint64_t seed, std::size_t memory_limit,
+                      const std::shared_ptr<StopFlag>& stop) {
+  return run(obstacles, starts, goals, time_limit, memory_limit, stop,
+             [&](const Grid& grid, const std::vector<int>& from, const std::vector<int>& to, Watch& watch) {
+               Lacam lacam(grid, from, to, watch);
+               return lacam.solve(node_limit, seed);
+             });
+}
+
 py::array_t<std::int32_t> components(const Mask& obstacles) {
   const Grid grid = grid_of(obstacles, std::pmr::get_default_resource());
   const std::pmr::vector<std::int32_t> labels = grid.components();
@@ -185,6 +197,9 @@ PYBIND11_MODULE(_core, m) {
   m.def("solve_replan", &solve_replan, py::arg("obstacles"), py::arg("starts"), py::arg("goals"),
         py::arg("time_limit"), py::arg("max_steps"), py::arg("seed"), py::arg("memory_limit"), py::arg("stop"),
         "As solve, with paths even if not solved; expansions: plans made anew, nodes of A*.");
+  m.def("solve_lacam", &solve_lacam, py::arg("obstacles"), py::arg("starts"), py::arg("goals"), py::arg("time_limit"),
+        py::arg("node_limit"), py::arg("seed"), py::arg("memory_limit"), py::arg("stop"),
+        "As solve; expansions: configurations expanded, 0.");
   m.def("components", &components, py::arg("obstacles"),
         "int32 [H, W]: the connected component of each free cell, from 0; -1 on obstacles.");
 }

@@ -241,7 +241,7 @@ def test_a_folder_of_an_older_version_is_kept_under_another_name(runs):
 
 
 def test_a_folder_that_another_run_uses_is_refused(tmp_path):
-    with run_folder(tmp_path / "out"), pytest.raises(MagatError, match="another run writes to"):
+    with run_folder(tmp_path / "out"), pytest.raises(MagatError, match="another process writes to"):
         run_folder(tmp_path / "out").__enter__()
     with run_folder(tmp_path / "out"):
         pass

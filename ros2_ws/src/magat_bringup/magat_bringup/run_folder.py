@@ -3,7 +3,6 @@
 
 """The folder of one run: made for it alone, and free of the files of earlier runs."""
 
-import fcntl
 import os
 import time
 from collections.abc import Iterator
@@ -11,6 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from magat_node.errors import MagatError
+from magat_node.lock import locked
 
 #: Where runs get folders of their own, and the link to the newest of them.
 RUNS, LATEST = Path("runs"), "latest"
@@ -31,26 +31,13 @@ def run_folder(chosen: Path | None) -> Iterator[Path]:
     Raises:
         MagatError: it cannot be made or written, or another run uses it.
     """
-    folder = chosen
+    folder = chosen or _new_folder(RUNS)
     try:
-        if folder is None:
-            folder = _new_folder(RUNS)
-        folder.mkdir(parents=True, exist_ok=True)
-        lock = os.open(folder, os.O_RDONLY)
-    except OSError as error:
-        raise MagatError(
-            f"the output folder {folder or RUNS} cannot be made ({error.strerror}): give another --output"
-        ) from error
-    try:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # ends with this process, however that ends
-        except BlockingIOError:
-            raise MagatError(f"another run writes to {folder}: wait for its end, or give another --output") from None
-        if not os.access(folder, os.W_OK | os.X_OK):
-            raise MagatError(f"the output folder {folder} cannot be written: give another --output")
-        yield folder
+        with locked(folder):
+            if not os.access(folder, os.W_OK | os.X_OK):
+                raise MagatError(f"the output folder {folder} cannot be written: give another --output")
+            yield folder
     finally:
-        os.close(lock)
         if chosen is None:
             with suppress(OSError):  # it is not empty
                 folder.rmdir()
@@ -76,15 +63,16 @@ def begin(folder: Path, newest: bool) -> None:
 
 def _new_folder(runs: Path) -> Path:
     """Make a folder in ``runs`` that is named by the time; a number is added if there is one already."""
-    runs.mkdir(parents=True, exist_ok=True)
     stamp, number = time.strftime(_STAMP), 1
     while True:
         folder = runs / (stamp if number == 1 else f"{stamp}_{number}")
         try:
-            folder.mkdir()
+            folder.mkdir(parents=True)
             return folder
         except FileExistsError:
             number += 1
+        except OSError as error:
+            raise MagatError(f"the folder {folder} cannot be made ({error.strerror}): give an --output") from error
 
 
 def _point(link: Path, folder: Path) -> None:

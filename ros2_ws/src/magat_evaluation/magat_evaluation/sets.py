@@ -82,9 +82,8 @@ TEST_SETS: Mapping[str, Sequence[CaseSet]] = {
     "increasing-density": [CaseSet.result(50, robots, 200) for robots in (10, 20, 30, 40, 50, 60, 100)],
     "large": [CaseSet.result(side, robots, 50, expert_w=5.0) for side, robots in ((100, 500), (200, 500), (200, 1000))],
 }
-#: On these maps and for these policies, trained three times each, the paper's 1,000 cases are measured.
+#: On these maps the paper's 1,000 cases are measured for the policies of `family.REPEATED`.
 FULL_CASES = 1000
 FULL_MAPS = ("20x20 (10)", "50x50 (60)", "65x65 (100)")
-FULL_POLICIES = ("MAGAT-F-128", "GNN-F-128", "MAGAT-F-32-P4", "MAGAT-F-16", "GNN-F-16", "GAT-F-128")
 #: The sets of `magat measure`.
 STANDARD_SETS = (CaseSet.result(20, 10, 1000), CaseSet.result(50, 60, 200), CaseSet.result(65, 100, 100))

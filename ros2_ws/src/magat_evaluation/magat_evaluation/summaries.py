@@ -5,9 +5,10 @@
 
 from magat_evaluation.claims import Verdict, level, shown
 from magat_evaluation.comparison import Estimate
+from magat_evaluation.family import REPEATED
 from magat_evaluation.measured import IDLE, Condition, Measured
 from magat_evaluation.paper import DENSER, POLICIES, SAME
-from magat_evaluation.sets import FULL_MAPS, FULL_POLICIES
+from magat_evaluation.sets import FULL_MAPS
 from magat_evaluation.tables import markdown_table
 from magat_sim.shield import SHIELDS
 
@@ -81,7 +82,7 @@ def _mute_row(
 def trainings_table(measured: Measured) -> str:
     """What the trainings of one policy differ by, with the shield idle; "" if each was trained once."""
     rows = []
-    for policy in FULL_POLICIES:
+    for policy in REPEATED:
         for place in FULL_MAPS:
             found = measured.trainings(policy, place, IDLE)
             if len(found) > 1:

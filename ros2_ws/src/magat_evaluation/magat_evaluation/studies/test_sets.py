@@ -10,10 +10,11 @@ from pathlib import Path
 
 from magat_evaluation.baselines import BASELINES
 from magat_evaluation.candidates import Candidate, Setting
+from magat_evaluation.family import REPEATED
 from magat_evaluation.measured import family
 from magat_evaluation.points import Point
 from magat_evaluation.report import Report
-from magat_evaluation.sets import FULL_CASES, FULL_MAPS, FULL_POLICIES, TEST_SETS, CaseSet
+from magat_evaluation.sets import FULL_CASES, FULL_MAPS, TEST_SETS, CaseSet
 from magat_evaluation.studies.curves import ALPHA, DELTA_FT, P_RG, Across, draw_arrivals, draw_curves
 from magat_evaluation.studies.study import Picture, Study, register
 from magat_evaluation.tables import MEASURES, measure_cells
@@ -44,7 +45,7 @@ def test_set(name: str, points: Sequence[Point]) -> Study:
 
 
 def set_points(name: str, candidates: Sequence[Candidate]) -> list[Point]:
-    """``candidates`` on each map of a test set; those of `FULL_POLICIES` on more cases of `FULL_MAPS`."""
+    """``candidates`` on each map of a test set; those of `REPEATED` on more cases of `FULL_MAPS`."""
     return [Point(one, _cases(one, cases)) for cases in TEST_SETS[name] for one in candidates]
 
 
@@ -76,7 +77,7 @@ def _mute(policies: Mapping[str, Path], shield: str) -> Iterator[Candidate]:
 
 def _is_full(candidate: Candidate) -> bool:
     mute = candidate.rules.link_loss == 1.0
-    return family(candidate.name) in FULL_POLICIES and candidate.rules.shield == HEADLINE and not mute
+    return family(candidate.name) in REPEATED and candidate.rules.shield == HEADLINE and not mute
 
 
 def _cases(candidate: Candidate, cases: CaseSet) -> CaseSet:

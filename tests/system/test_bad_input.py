@@ -247,9 +247,11 @@ def test_an_impossible_case_is_answered_with_its_reason(team):
     goal.start_x = list(range(9))
     with pytest.raises(TeamError, match="for a team of 10"):
         team.run(goal)
-    for density in (0.99, -1.0, float("nan"), float("inf")):
-        with pytest.raises(TeamError, match="do not fit"):
+    for density in (-1.0, float("nan"), float("inf")):
+        with pytest.raises(TeamError, match="the obstacle density is .*: give a share"):
             team.run(team.goal(0, density=density))
+    with pytest.raises(TeamError, match="do not fit"):
+        team.run(team.goal(0, density=0.99))
     with pytest.raises(TeamError, match="do not fit"):
         team.run(team.goal(0, width=0))
     with pytest.raises(TeamError, match="65535x65535 cells is too large"):

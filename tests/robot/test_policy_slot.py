@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from magat_robot.policy.config import ModelError
-from magat_robot.policy.folder import read_files, read_folder, write_files, write_temperatures
+from magat_robot.policy.folder import EXPORT_VERSION, read_files, read_folder, write_files, write_temperatures
 from magat_robot.policy.store import CONFIG, WEIGHTS, load, save
 from magat_robot.policy_slot import PolicySlot
 
@@ -171,7 +171,8 @@ def test_an_export_that_onnxruntime_cannot_load_is_refused(folders):
 
     digest, files = offer(folders["second"])
     parts = {f"{name}.onnx": b"no graph" for name in ("perceive", "hear_0")}
-    contents = {"weights": digest, "files": {name: hashlib.sha256(data).hexdigest() for name, data in parts.items()}}
+    contents = {"version": EXPORT_VERSION, "weights": digest}
+    contents["files"] = {name: hashlib.sha256(data).hexdigest() for name, data in parts.items()}
     exported = {f"onnx/{name}": data for name, data in parts.items()}
     exported["onnx/contents.json"] = json.dumps(contents).encode()
     slot = PolicySlot(load(folders["first"]), "onnx")

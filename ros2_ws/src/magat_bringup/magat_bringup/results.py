@@ -19,7 +19,7 @@ from magat_sim.measures import wilson
 
 LEGEND = (
     "B/tick: bytes of the feature message that a robot sends in a tick; blocked: moves that the shield did not allow; "
-    "missing: features that did not arrive in time; silent: preferences that did not"
+    "missing: features that did not arrive in time; silent: preferences that did not arrive in time"
 )
 
 

@@ -5,7 +5,6 @@
 
 import os
 import signal
-import threading
 import time
 from collections.abc import Callable
 from types import FrameType
@@ -27,7 +26,8 @@ FAREWELL = 0.3
 CLOCK_TIMEOUT = 5.0
 #: Niceness of processes that only record or show the team.
 NICENESS = 10
-_told_to_end = threading.Event()
+# No threading.Event: its lock is not reentrant, and a second signal may interrupt the handler of the first.
+_told_to_end = False
 _failures: list[MagatError] = []
 
 
@@ -84,7 +84,7 @@ def _run(node: Node) -> None:
     executor = EventsExecutor()
     executor.add_node(node)
     begun, clock_checked = time.monotonic(), False
-    while not _told_to_end.is_set():
+    while not _told_to_end:
         executor.spin_once(timeout_sec=REACTION)  # without a timeout, rclpy 7.1.6 calls nothing
         if not clock_checked and time.monotonic() - begun > CLOCK_TIMEOUT:
             clock_checked = True
@@ -107,8 +107,9 @@ def _check_clock(node: Node) -> None:
 
 def fail(error: MagatError) -> None:
     """End the node of `run_node` with a fatal error; for callbacks, whose exceptions rclpy logs with a traceback."""
+    global _told_to_end
     _failures.append(error)
-    _told_to_end.set()
+    _told_to_end = True
 
 
 def give_way() -> None:
@@ -120,4 +121,5 @@ def give_way() -> None:
 
 
 def _end(_: int, __: FrameType | None) -> None:
-    _told_to_end.set()
+    global _told_to_end
+    _told_to_end = True

@@ -61,7 +61,8 @@ def run_robots(names: list[str], ros_arguments: list[str], crew: int = 1, respaw
         nonlocal stopping
         stopping = True  # processes that end now are not restarted
         for pid in robots:
-            os.kill(pid, number)
+            with contextlib.suppress(ProcessLookupError):  # it has just ended
+                os.kill(pid, number)
 
     signal.signal(signal.SIGINT, pass_on)
     signal.signal(signal.SIGTERM, pass_on)

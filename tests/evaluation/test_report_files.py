@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 
 import pytest
+from example_report import report
 from rich.console import Console
 
 from magat_evaluation.candidates import Candidate
@@ -15,19 +16,6 @@ from magat_evaluation.outcomes import Outcomes
 from magat_evaluation.report import Report
 from magat_evaluation.report_files import ReportFileError, outcomes_file, read_csv, write_csv
 from magat_evaluation.sets import CaseSet
-
-
-def report(**changes: object) -> Report:
-    """What there is of a point on 30 cases."""
-    values = {
-        "policy": "a", "temperature": 0.75, "encoding": "int8", "link_loss": 0.0, "alpha": 0.9,
-        "alpha_interval": (0.8, 0.95), "alpha_strict": 0.8, "alpha_strict_interval": (0.7, 0.9), "delta_ft": 0.1,
-        "delta_ft_half_width": 0.01, "p_rg": 0.99, "delta_ft_strict": 0.3, "cases": 30, "unsolved_by_expert": 2,
-        "width": 100, "height": 100, "robots": 500, "density": 0.1, "expert_w": 5.0, "generator_version": 1, "seed": 1,
-        "first_case": 0, "shield": "idle", "shield_version": 3, "digest": "ab", "bytes_per_step": 164,
-        "makespan": 200.5, "moves_blocked": 7.0, "stranded": {0: 27, 1: 2, 40: 1},
-    }  # fmt: skip
-    return Report(**values | changes)
 
 
 @pytest.mark.parametrize(

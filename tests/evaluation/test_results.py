@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from example_report import report
 from matplotlib.figure import Figure
 from PIL import Image
 from rich.console import Console
@@ -179,10 +180,10 @@ def test_the_page_shows_each_study_with_its_picture_and_rows(policies: dict[str,
     assert sorted(file.name for file in page.parent.iterdir()) == files
     text = page.read_text()
     assert "## Losses\n\n![Losses](losses.png)\n\n| map (robots) | policy | lost |" in text
-    for report in read_csv(page.parent / "losses.csv"):
-        low, high = report.alpha_interval
-        named = f"| 8x8 (3) | {report.policy} | {report.link_loss:g} | 4 |"
-        assert f"{named} {report.alpha:.3f} ({low:.3f} to {high:.3f}) | {report.delta_ft:.3f} ± " in text
+    for row in read_csv(page.parent / "losses.csv"):
+        low, high = row.alpha_interval
+        named = f"| 8x8 (3) | {row.policy} | {row.link_loss:g} | 4 |"
+        assert f"{named} {row.alpha:.3f} ({low:.3f} to {high:.3f}) | {row.delta_ft:.3f} ± " in text
     with Image.open(page.parent / "losses.png") as image:
         grey = np.asarray(image.convert("L"))
     assert 0.005 < (grey < 200).mean() < 0.3, "ink on white paper"
@@ -243,19 +244,6 @@ def test_studies_that_are_not_asked_for_stay_as_they_were(
     page = written([study(policies), other], ["other"], docs, policies).read_text()
     assert len(counted) == 6, "what one study has measured, others need not"
     assert page.index("## Losses") < page.index("## Other")
-
-
-def report(**changes: object) -> Report:
-    """What there is of a point on 30 cases."""
-    values = {
-        "policy": "a", "temperature": 0.75, "encoding": "int8", "link_loss": 0.0, "alpha": 0.9,
-        "alpha_interval": (0.8, 0.95), "alpha_strict": 0.8, "alpha_strict_interval": (0.7, 0.9), "delta_ft": 0.1,
-        "delta_ft_half_width": 0.01, "p_rg": 0.99, "delta_ft_strict": 0.3, "cases": 30, "unsolved_by_expert": 2,
-        "width": 100, "height": 100, "robots": 500, "density": 0.1, "expert_w": 5.0, "generator_version": 1, "seed": 1,
-        "first_case": 0, "shield": "idle", "shield_version": 3, "digest": "ab", "bytes_per_step": 164,
-        "makespan": 200.5, "moves_blocked": 7.0, "stranded": {0: 27, 1: 2, 40: 1},
-    }  # fmt: skip
-    return Report(**values | changes)
 
 
 def test_the_histogram_shows_in_which_share_of_the_cases_how_many_robots_arrived(tmp_path: Path) -> None:
